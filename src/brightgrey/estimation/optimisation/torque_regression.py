@@ -32,7 +32,7 @@ from brightgrey.recordings.checks.examined import Examined, SmoothedMotion
 from brightgrey.recordings.units.signals import KINDS
 from brightgrey.simulation import Settings
 
-__all__ = ["with_regressed_sizes"]
+__all__ = ["with_regressed_sizes", "with_waves"]
 
 
 def with_regressed_sizes(
@@ -64,7 +64,7 @@ def with_regressed_sizes(
     free = [names for names in _sizes_by_kind(problem.structure) if set(names) <= set(space.names)]
     if len(examined) < len(problem.recordings) or not samples.size or not free:
         return None
-    out = _with_waves(problem.structure, space, settings, samples, examined, options)
+    out = with_waves(problem, space, settings, samples, options)
     values = space.named(out)
     for widths, which in _by_width(problem.structure, values, examined, options).items():
         part = {name: value[which] for name, value in values.items()}
@@ -72,6 +72,52 @@ def with_regressed_sizes(
         f_tanh = 1.0 / part[FRICTION_WIDTH] if FRICTION_WIDTH in part else np.full(len(which), settings.f_tanh)
         sizes = _regressed_sizes(problem.structure, space, motions, part, f_tanh, options)
         out[np.ix_([space.names.index(name) for name in sizes], which)] = list(sizes.values())
+    return space.clip(out)
+
+
+def with_waves(
+    problem: SimulationErrorProblem,
+    space: ParameterSpace,
+    settings: Settings,
+    samples: Array,
+    options: TorqueRegressionOptions = TORQUE_REGRESSION_DEFAULTS,
+) -> Array:
+    """Take wave numbers and phases of position-dependent loads from the spectrum of the torque over the position.
+
+    Parameters
+    ----------
+    problem : SimulationErrorProblem
+    space : ParameterSpace
+    settings : Settings
+        Its gain of the sign of friction holds where the width of the reversal is not among the parameters.
+    samples : ndarray, shape (P, K)
+        SI. The highest peaks go to them in turn.
+    options : TorqueRegressionOptions
+
+    Returns
+    -------
+    ndarray, shape (P, K)
+        SI, within the bounds. As they were for structures without such a load, and where the motion is not known.
+    """
+    out, structure = samples.copy(), problem.structure
+    waves = [(g, wave) for g in torque_kinds(structure) if (wave := g[0].effect.search.wave) is not None]
+    examined = [e for e in map(_motion_of, problem.recordings) if e is not None] if waves else []
+    if not (examined and out.size) or len(examined) < len(problem.recordings):
+        return out
+    first = space.named(samples[:, :1])
+    f_tanh = 1.0 / first[FRICTION_WIDTH] if FRICTION_WIDTH in first else np.array([settings.f_tanh])
+    ((widths, _),) = _by_width(structure, first, examined, options).items()
+    motions = [e.motion_smoothed(0, width) for e, width in zip(examined, widths, strict=True)]
+    for group, symbols in waves:
+        rows = [[p.parameter(symbol) for p in group] for symbol in symbols]
+        if not {name for names in rows for name in names} <= set(space.names):
+            continue
+        others = Structure(tuple(p for p in structure.placed if p not in group))
+        number = space.names.index(rows[0][0])
+        limits = float(space.low[number]), float(space.high[number])
+        for k, peak in enumerate(_wave_peaks(others, motions, first, f_tanh, limits, options)):
+            for names, value in zip(rows, peak, strict=True):
+                out[np.ix_([space.names.index(n) for n in names], range(k, out.shape[1], options.waves))] = value
     return space.clip(out)
 
 
@@ -131,34 +177,6 @@ def _regressed_sizes(
     return {name: shares[name] * found[:, i] for i, names in enumerate(kinds) for name in names}
 
 
-def _with_waves(
-    structure: Structure,
-    space: ParameterSpace,
-    settings: Settings,
-    samples: Array,
-    examined: Sequence[Examined],
-    options: TorqueRegressionOptions,
-) -> Array:
-    """Samples with the wave numbers and phases of the highest peaks of the spectrum over the position, in turn."""
-    out = samples.copy()
-    first = space.named(samples[:, :1])
-    f_tanh = 1.0 / first[FRICTION_WIDTH] if FRICTION_WIDTH in first else np.array([settings.f_tanh])
-    for group in torque_kinds(structure):
-        symbols = group[0].effect.search.wave
-        names = [[p.parameter(symbol) for p in group] for symbol in symbols or ()]
-        if not names or not {name for each in names for name in each} <= set(space.names):
-            continue
-        ((widths, _),) = _by_width(structure, first, examined, options).items()
-        motions = [e.motion_smoothed(0, width) for e, width in zip(examined, widths, strict=True)]
-        others = Structure(tuple(p for p in structure.placed if p not in group))
-        row = space.names.index(names[0][0])
-        limits = float(space.low[row]), float(space.high[row])
-        for k, peak in enumerate(_wave_peaks(others, motions, first, f_tanh, limits, options)):
-            for each, value in zip(names, peak, strict=True):
-                out[np.ix_([space.names.index(name) for name in each], range(k, out.shape[1], options.waves))] = value
-    return out
-
-
 def _wave_peaks(
     others: Structure,
     motions: Sequence[SmoothedMotion],
@@ -172,20 +190,33 @@ def _wave_peaks(
     parts = [_torque_rows(others, motion, values, f_tanh, finer) for motion in motions]
     u, terms = (np.concatenate(rows, axis=1)[0] for rows in zip(*parts, strict=True))
     q = np.concatenate([motion.position[_thinned(motion, finer)] for motion in motions])
-    basis = np.linalg.qr(terms)[0]
+    numbers, sine, cosine, gain = _spectrum(q, u, np.linalg.qr(terms)[0], limits, options)
+    padded = np.pad(gain, 1, constant_values=-np.inf)
+    peaks = np.flatnonzero((gain >= padded[:-2]) & (gain > padded[2:]))
+    best = peaks[np.argsort(-gain[peaks], kind="stable")][: options.waves]
+    return [(float(numbers[k]), float(np.arctan2(cosine[k], sine[k]))) for k in best]
+
+
+def _spectrum(
+    q: Array, u: Array, basis: Array, limits: tuple[float, float], options: TorqueRegressionOptions
+) -> tuple[Array, Array, Array, Array]:
+    """Wave numbers, sizes of sine and cosine of the position, and what they explain beyond an orthonormal `basis`."""
     left = u - basis @ (basis.T @ u)
     step = options.wave_step * 2.0 * np.pi / np.ptp(q)
     numbers = np.arange(max(step, limits[0]), limits[1], step)
-    gains, phases = np.empty(len(numbers)), np.empty(len(numbers))
-    for k, number in enumerate(numbers):
-        wave = np.column_stack([np.sin(number * q), np.cos(number * q)])
-        wave -= basis @ (basis.T @ wave)
-        sizes = np.linalg.lstsq(wave, left)[0]
-        gains[k], phases[k] = left @ wave @ sizes, np.arctan2(sizes[1], sizes[0])
-    padded = np.pad(gains, 1, constant_values=-np.inf)
-    peaks = np.flatnonzero((gains >= padded[:-2]) & (gains > padded[2:]))
-    best = peaks[np.argsort(-gains[peaks], kind="stable")][: options.waves]
-    return [(float(numbers[k]), float(phases[k])) for k in best]
+    turned = np.exp(1j * np.outer(step * np.arange(min(options.wave_block, len(numbers))), q))
+    parts = []
+    for k in range(0, len(numbers), len(turned) or 1):
+        wave = turned[: len(numbers) - k] * np.exp(1j * numbers[k] * q)
+        known, along, twice = wave @ basis, wave @ left, np.square(wave).sum(axis=1)
+        cc = 0.5 * (q.size + twice.real) - np.square(known.real).sum(axis=1)
+        ss = 0.5 * (q.size - twice.real) - np.square(known.imag).sum(axis=1)
+        sc = 0.5 * twice.imag - (known.real * known.imag).sum(axis=1)
+        clear = np.maximum(ss * cc - sc * sc, 1e-9 * q.size**2)  # slow waves are a part of a constant and a slope
+        sine = (along.imag * cc - along.real * sc) / clear
+        cosine = (along.real * ss - along.imag * sc) / clear
+        parts.append((sine, cosine, sine * along.imag + cosine * along.real))
+    return (numbers, *(np.concatenate(found) for found in zip(*parts, strict=True))) if parts else (numbers,) * 4
 
 
 def _thinned(motion: SmoothedMotion, options: TorqueRegressionOptions) -> slice:

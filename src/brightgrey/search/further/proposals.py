@@ -22,6 +22,7 @@ from brightgrey.arrays import Array
 from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS
 from brightgrey.estimation.diagnostics.residual_tests import Candidate, detect_regressors
 from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
+from brightgrey.estimation.optimisation.torque_regression import with_waves
 from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.search.fitting.refined_fit import Refined, accurate, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart
@@ -207,6 +208,8 @@ def _changes(
     count = 1 + (FURTHER.draws if others else 0)
     values = {name: np.full(count, size.get(name, value)) for name, value in base.items()}
     drawn = space.sample(count, np.random.default_rng(seed))
+    half = (1 + count) // 2
+    drawn[:, half:] = with_waves(problem, space, task.settings, drawn[:, half:])
     for name in others:
         values[name][1:] = drawn[space.names.index(name), 1:]
     moved = problem.residuals(values, task.settings)
