@@ -29,7 +29,6 @@ from brightgrey.estimation.optimisation.pattern_fit import (
     fit_by_pattern_search,
     pattern_searches,
 )
-from brightgrey.estimation.optimisation.start_points import given_starts
 from brightgrey.estimation.problem.initial_state import Initial
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH_RANGE, friction_width_nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
@@ -302,31 +301,12 @@ def _by_multistart(
     optima = sorted(zip(found.optima, found.starts.T, strict=True), key=lambda pair: pair[0].cost)
     finalists = _finalists(space, [optimum for optimum, _ in optima], options)
     finished = [fit_to_convergence(problem, space, final, optimum.values) for optimum in finalists]
-    finished += _better_given(problem, space, final, given, min(fitted.cost for fitted in finished))
     evaluations = found.evaluations + sum(fitted.evaluations for fitted in finished)
     tried = tuple(
         Start(space.by_name(start), space.by_name(optimum.values), optimum.cost, optimum.converged)
         for optimum, start in optima
     )
     return _Descent(min(finished, key=lambda fitted: fitted.cost), evaluations, tried)
-
-
-def _better_given(
-    problem: SimulationErrorProblem,
-    space: ParameterSpace,
-    final: Settings,
-    given: Sequence[Mapping[str, float]],
-    reached: float,
-) -> list[OptimumWithJacobian]:
-    """Fits from given starts whose cost at the final level is less than what the descents have reached.
-
-    The ``fast`` level may follow an unstable motion on another way, and a descent on a part of it may leave the start.
-    """
-    return [
-        fit_to_convergence(problem, space, final, start)
-        for start in given_starts(space, given)
-        if problem.costs(space.named(start[:, None]), final)[0] < reached
-    ]
 
 
 def settings_for(

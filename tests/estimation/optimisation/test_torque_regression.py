@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from brightgrey.estimation.optimisation.torque_regression import with_regressed_sizes
+from brightgrey.estimation.optimisation.torque_regression import with_regressed_sizes, with_waves
 from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
@@ -83,3 +83,32 @@ def test_regressed_sizes__no_size_free__are_none():
     structure = Structure.parse("one_mass+coulomb+viscous")
     found, _ = regressed(structure, recording_of(structure), fixed=["J1", "M_C", "f_v"])
     assert found is None
+
+
+@pytest.mark.parametrize(("kind", "noise"), [("velocity", 1e-3), ("position", 1e-5)])
+@pytest.mark.parametrize("k", [0.05, 0.5, 7.0])  # half a period over the travel, 7 and 90 of them
+def test_waves__load_over_the_position__are_found_for_any_number_of_periods(kind, noise, k):
+    structure = Structure.parse("one_mass+coulomb+viscous+pendulum")
+    t = DT * np.arange(6000)
+    u = 0.8 + 1.2 * np.sin(2.0 * np.pi * 0.2 * t)
+    true = {"J1": 0.02, "M_C": 0.2, "f_v": 0.05, "G": 0.15, "k": k, "phi_0": 0.7}
+    (y,) = reference(structure, true, u, DT, f_tanh=F_TANH, outputs=[kind])
+    travel = np.ptp(y) if kind == "position" else np.ptp(np.cumsum(y) * DT)
+    y += noise * np.abs(y).max() * np.random.default_rng(1).standard_normal(y.size)
+    recording = make_recording(u, y, dt=DT, kind=kind)
+    problem = SimulationErrorProblem.of(structure, [recording])
+    space = parameter_space(structure, scales(recording), {}, {}, problem.nuisances)
+    drawn = space.sample(8, np.random.default_rng(2))
+    found = space.named(with_waves(problem, space, SETTINGS, drawn))
+    assert np.abs(found["k"] - k).min() < 0.5 * 2.0 * np.pi / travel  # a descent keeps the period then
+    others = [name for name in space.names if name not in ("k", "phi_0")]
+    assert all(np.array_equal(found[name], space.named(drawn)[name]) for name in others)
+
+
+def test_waves__no_load_over_the_position__leave_samples_as_they_are():
+    structure = Structure.parse("one_mass+coulomb+viscous")
+    recording = recording_of(structure)
+    problem = SimulationErrorProblem.of(structure, [recording])
+    space = parameter_space(structure, scales(recording), {}, {}, problem.nuisances)
+    drawn = space.sample(4, np.random.default_rng(2))
+    assert np.array_equal(with_waves(problem, space, SETTINGS, drawn), drawn)

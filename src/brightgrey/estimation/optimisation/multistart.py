@@ -36,7 +36,7 @@ from brightgrey.estimation.optimisation.start_points import (
     resonance_scan,
     starts_at_residual_peaks,
 )
-from brightgrey.estimation.optimisation.torque_regression import with_regressed_sizes
+from brightgrey.estimation.optimisation.torque_regression import with_regressed_sizes, with_waves
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
@@ -224,8 +224,9 @@ class _Multistart:
         simulations, balanced = easiest.count(samples.shape[1]), round(options.balanced_share * count)
         if count and any(p.effect.search.wave for p in self.problem.structure.placed):
             balanced = max(balanced, 1)  # draws seldom meet the right number of periods
+        part = samples[:, : samples.shape[1] * balanced // max(count, 1)]
         regressed = with_regressed_sizes(
-            self.problem, space, settings, samples[:, : samples.shape[1] * balanced // max(count, 1)]
+            self.problem, space, settings, with_waves(self.problem, space, settings, part)
         )
         if regressed is None:
             return chosen, simulations

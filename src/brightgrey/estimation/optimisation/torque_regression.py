@@ -42,7 +42,7 @@ def with_regressed_sizes(
     samples: Array,
     options: TorqueRegressionOptions = TORQUE_REGRESSION_DEFAULTS,
 ) -> Array | None:
-    """Replace the sizes of samples by those that balance the torques of a rigid drive, and the waves of their loads.
+    """Replace the sizes of samples by those that balance the torques of a rigid drive.
 
     Parameters
     ----------
@@ -64,8 +64,7 @@ def with_regressed_sizes(
     free = [names for names in _sizes_by_kind(problem.structure) if set(names) <= set(space.names)]
     if len(examined) < len(problem.recordings) or not samples.size or not free:
         return None
-    out = with_waves(problem, space, settings, samples, options)
-    values = space.named(out)
+    values, out = space.named(samples), samples.copy()
     for widths, which in _by_width(problem.structure, values, examined, options).items():
         part = {name: value[which] for name, value in values.items()}
         motions = [e.motion_smoothed(0, width) for e, width in zip(examined, widths, strict=True)]
