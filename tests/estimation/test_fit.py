@@ -9,7 +9,7 @@ from brightgrey.errors import SettingsError
 from brightgrey.estimation import fit, predict
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.kit import PAPER
+from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import read_recording
 from brightgrey.simulation.reference import reference
 from support.recordings import make_recording
@@ -138,3 +138,20 @@ def test_fit__given_start_with_a_gap__is_not_left_for_a_worse_optimum(seed):
     found = fit(structure, [r], f_tanh=e.f_tanh, start=truth, starts=1, patience=0, seed=seed)
     exact = {name: np.array([value]) for name, value in truth.items()}
     assert found.cost <= SimulationErrorProblem.of(structure, [r]).costs(exact, found.settings)[0]
+
+
+@pytest.mark.parametrize("k", [1.0, 3.0])  # an eccentric load that turns on and on, and cogging
+def test_fit__load_with_many_periods_over_the_travel__is_recovered(k):
+    structure, dt, draw = Structure.parse("one_mass+coulomb+viscous+pendulum"), 2e-3, np.random.default_rng(0)
+    t = dt * np.arange(5000)
+    torque = np.zeros(t.size)
+    for start, size in zip(draw.uniform(0.0, 9.0, 14), draw.uniform(-1.0, 2.0, 14), strict=True):
+        torque[(t >= start) & (t < start + 1.0)] += size
+    truth = {"J1": 0.02, "f_v": 0.03, "M_C": 0.15, "G": 0.3, "k": k, "phi_0": 0.4}
+    (y,) = reference(str(structure), truth, torque, dt, f_tanh=200.0)
+    assert np.ptp(np.cumsum(y) * dt) > 20 * 2.0 * np.pi
+    y += 0.01 * np.abs(y).max() * draw.standard_normal(y.size)
+    found = fit(structure, [make_recording(torque, y, dt=dt)], starts=4, patience=1)
+    for name in ("J1", "f_v", "M_C", "G", "k"):
+        e = found.estimates[name]
+        assert abs(e.value - truth[name]) < 4.0 * e.std, name

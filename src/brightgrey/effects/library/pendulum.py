@@ -56,15 +56,18 @@ EFFECT = Effect(
     title="Position-dependent load",
     words="a position-dependent load",
     about=(
-        "Gravity on an arm or an eccentric load, or another load that is a sine of the position. The factor k turns "
-        "the position into the angle of the arm: 1 where the position is that angle. On a short way it is a constant "
-        "torque and a spring."
+        "Gravity on an arm or an eccentric load, or another load that is a sine of the position, like the cogging of "
+        "a motor or the ripple of a screw. The factor k turns the position into the angle of the arm: 1 where the "
+        "position is that angle. The load repeats every 2 π / k. On a short way it is a constant torque and a spring."
     ),
     in_linear_axis=(
         "A linear axis has no arm whose gravity this could be. The term stands for a force that varies along the "
         "axis. Look at its guide, cables, belt or magnets. Do not use it beyond the positions of the recording."
     ),
-    matters="an arm or an eccentric load turns by more than a small angle: the torque at rest depends on the pose",
+    matters=(
+        "an arm or an eccentric load turns by more than a small angle: the torque at rest depends on the pose; or a "
+        "torque repeats with the position, up to 500 times over the travel"
+    ),
     confused_with=(
         "a constant load with a spring to the ground, over less than a quarter of a turn; other axes that move along"
     ),

@@ -104,7 +104,7 @@ TORQUE_PATTERNS = (
         lambda m, sign, scales: _harmonics(m),
         "Torque repeats with the position",
         "a torque that repeats with the position",
-        "an arm or an eccentric load is a position-dependent load; nothing describes cogging of a belt",
+        "try a position-dependent load: an arm, an eccentric load, cogging",
     ),
     TorquePattern(
         "friction ripple with position",

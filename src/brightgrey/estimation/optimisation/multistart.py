@@ -225,9 +225,7 @@ class _Multistart:
         if count and any(p.effect.search.wave for p in self.problem.structure.placed):
             balanced = max(balanced, 1)  # draws seldom meet the right number of periods
         part = samples[:, : samples.shape[1] * balanced // max(count, 1)]
-        regressed = with_regressed_sizes(
-            self.problem, space, settings, with_waves(self.problem, space, settings, part)
-        )
+        regressed = with_regressed_sizes(self.problem, space, settings, with_waves(self.problem, space, settings, part))
         if regressed is None:
             return chosen, simulations
         chosen += best_diverse(easiest, space, settings, regressed, balanced, options.start_points)

@@ -85,7 +85,8 @@ class TorqueRegressionOptions:
     least_torque: float = 0.01  #: Of a positive size, over the RMS of the input: none begins at zero.
     wave_rows: int = 1000  #: Rows per recording for the spectrum over the position,
     wave_step: float = 0.25  #: its step in periods over the travel,
-    waves: int = 3  #: its highest peaks that starts take in turn,
+    waves: int = 3  #: its highest peaks that starts take in turn, if they explain
+    wave_share: float = 0.5  #: so much of what the highest explains,
     wave_block: int = 64  #: and the wave numbers that are computed at once.
 
 

@@ -107,16 +107,19 @@ def with_waves(
     f_tanh = 1.0 / first[FRICTION_WIDTH] if FRICTION_WIDTH in first else np.array([settings.f_tanh])
     ((widths, _),) = _by_width(structure, first, examined, options).items()
     motions = [e.motion_smoothed(0, width) for e, width in zip(examined, widths, strict=True)]
+    apart = max(e.dt * float(np.abs(motion.velocity).max()) for e, motion in zip(examined, motions, strict=True))
+    highest = 0.5 * np.pi / apart  # four samples per period at the largest speed: the coarse ones of a search alias
     for group, symbols in waves:
         rows = [[p.parameter(symbol) for p in group] for symbol in symbols]
         if not {name for names in rows for name in names} <= set(space.names):
             continue
         others = Structure(tuple(p for p in structure.placed if p not in group))
         number = space.names.index(rows[0][0])
-        limits = float(space.low[number]), float(space.high[number])
-        for k, peak in enumerate(_wave_peaks(others, motions, first, f_tanh, limits, options)):
+        limits = float(space.low[number]), min(float(space.high[number]), highest)
+        peaks = _wave_peaks(others, motions, first, f_tanh, limits, options)
+        for k, peak in enumerate(peaks):
             for names, value in zip(rows, peak, strict=True):
-                out[np.ix_([space.names.index(n) for n in names], range(k, out.shape[1], options.waves))] = value
+                out[np.ix_([space.names.index(n) for n in names], range(k, out.shape[1], len(peaks)))] = value
     return space.clip(out)
 
 
@@ -189,23 +192,27 @@ def _wave_peaks(
     parts = [_torque_rows(others, motion, values, f_tanh, finer) for motion in motions]
     u, terms = (np.concatenate(rows, axis=1)[0] for rows in zip(*parts, strict=True))
     q = np.concatenate([motion.position[_thinned(motion, finer)] for motion in motions])
-    numbers, sine, cosine, gain = _spectrum(q, u, np.linalg.qr(terms)[0], limits, options)
+    numbers, sine, cosine, gain = _position_spectrum(q, u, np.linalg.qr(terms)[0], limits, options)
     padded = np.pad(gain, 1, constant_values=-np.inf)
     peaks = np.flatnonzero((gain >= padded[:-2]) & (gain > padded[2:]))
-    best = peaks[np.argsort(-gain[peaks], kind="stable")][: options.waves]
+    order = peaks[np.argsort(-gain[peaks], kind="stable")][: options.waves]
+    best = [k for k in order if gain[k] >= options.wave_share * gain[order[0]]]
     return [(float(numbers[k]), float(np.arctan2(cosine[k], sine[k]))) for k in best]
 
 
-def _spectrum(
+def _position_spectrum(
     q: Array, u: Array, basis: Array, limits: tuple[float, float], options: TorqueRegressionOptions
-) -> tuple[Array, Array, Array, Array]:
-    """Wave numbers, sizes of sine and cosine of the position, and what they explain beyond an orthonormal `basis`."""
+) -> Array:
+    """Wave numbers, sizes of sine and cosine of the position, and what both explain beyond an orthonormal `basis`.
+
+    Shape (4, wave numbers).
+    """
     left = u - basis @ (basis.T @ u)
     step = options.wave_step * 2.0 * np.pi / np.ptp(q)
     numbers = np.arange(max(step, limits[0]), limits[1], step)
     turned = np.exp(1j * np.outer(step * np.arange(min(options.wave_block, len(numbers))), q))
-    parts = []
-    for k in range(0, len(numbers), len(turned) or 1):
+    parts = [np.empty((3, 0))]
+    for k in range(0, len(numbers), options.wave_block):
         wave = turned[: len(numbers) - k] * np.exp(1j * numbers[k] * q)
         known, along, twice = wave @ basis, wave @ left, np.square(wave).sum(axis=1)
         cc = 0.5 * (q.size + twice.real) - np.square(known.real).sum(axis=1)
@@ -214,8 +221,8 @@ def _spectrum(
         clear = np.maximum(ss * cc - sc * sc, 1e-9 * q.size**2)  # slow waves are a part of a constant and a slope
         sine = (along.imag * cc - along.real * sc) / clear
         cosine = (along.real * ss - along.imag * sc) / clear
-        parts.append((sine, cosine, sine * along.imag + cosine * along.real))
-    return (numbers, *(np.concatenate(found) for found in zip(*parts, strict=True))) if parts else (numbers,) * 4
+        parts.append(np.array([sine, cosine, sine * along.imag + cosine * along.real]))
+    return np.concatenate([numbers[None, :], np.concatenate(parts, axis=1)])
 
 
 def _thinned(motion: SmoothedMotion, options: TorqueRegressionOptions) -> slice:
