@@ -120,7 +120,7 @@ def multistart(
     patience = int(options.hard_limit_patience * patience) if problem.has_hard_limit else patience
     search = _Multistart(problem, space, settings, options, starts, enough)
     first = _first_starts(space, given, starts)
-    if given and problem.has_hard_limit:  # the first part of a recording may lose the quality of a given start
+    if given and _grows(problem):  # the first part of a recording may lose the quality of a given start
         search.descend([], _StartBatch(first[: len(given)], [False] * len(given)), search.agreeing)
     for number in range(1 + options.max_batches * patience):
         search.next_batch(number, first, np.random.default_rng([seed, number]))
@@ -365,11 +365,15 @@ def _stages(
     if share is None:
         stages = [problem.with_output_feedback(gain) for gain in options.feedback_shares]
         return [stage for stage in stages if stage is not None]
-    grows = problem.has_hard_limit or problem.structure.may_be_unstable
-    shares = growing_horizons(share, options) if grows else [share] if share < 1.0 else []
+    shares = growing_horizons(share, options) if _grows(problem) else [share] if share < 1.0 else []
     parts = [problem.truncated(share) for share in shares]
     longer = [k == 0 or part.samples > parts[k - 1].samples for k, part in enumerate(parts)]
     return [part for part, more in zip(parts, longer, strict=True) if more and part.samples < problem.samples]
+
+
+def _grows(problem: SimulationErrorProblem) -> bool:
+    """True if descents begin on a small part of the recordings: hard limits and instability make the cost rugged."""
+    return problem.has_hard_limit or problem.structure.may_be_unstable
 
 
 def _first_starts(space: ParameterSpace, given: Sequence[Mapping[str, float]], starts: int) -> list[Array]:

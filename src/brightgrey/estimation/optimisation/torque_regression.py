@@ -60,9 +60,10 @@ def with_regressed_sizes(
         SI, within the bounds. Inertias keep their ratios, and so do sizes of one kind at several masses. None if no
         size is free, or if the first output of a recording has no sign, is an acceleration, or does not move.
     """
-    examined = [e for e in map(_motion_of, problem.recordings) if e is not None]
+    recordings = problem.fine or problem.recordings
+    examined = [e for e in map(_motion_of, recordings) if e is not None]
     free = [names for names in _sizes_by_kind(problem.structure) if set(names) <= set(space.names)]
-    if len(examined) < len(problem.recordings) or not samples.size or not free:
+    if len(examined) < len(recordings) or not samples.size or not free:
         return None
     values, out = space.named(samples), samples.copy()
     for widths, which in _by_width(problem.structure, values, examined, options).items():
@@ -100,15 +101,16 @@ def with_waves(
     """
     out, structure = samples.copy(), problem.structure
     waves = [(g, wave) for g in torque_kinds(structure) if (wave := g[0].effect.search.wave) is not None]
-    examined = [e for e in map(_motion_of, problem.recordings) if e is not None] if waves else []
-    if not (examined and out.size) or len(examined) < len(problem.recordings):
+    recordings = problem.fine or problem.recordings
+    examined = [e for e in map(_motion_of, recordings) if e is not None] if waves else []
+    if not (examined and out.size) or len(examined) < len(recordings):
         return out
     first = space.named(samples[:, :1])
     f_tanh = 1.0 / first[FRICTION_WIDTH] if FRICTION_WIDTH in first else np.array([settings.f_tanh])
     ((widths, _),) = _by_width(structure, first, examined, options).items()
     motions = [e.motion_smoothed(0, width) for e, width in zip(examined, widths, strict=True)]
-    apart = max(e.dt * float(np.abs(motion.velocity).max()) for e, motion in zip(examined, motions, strict=True))
-    highest = 0.5 * np.pi / apart  # four samples per period at the largest speed: the coarse ones of a search alias
+    fastest = max(float(np.abs(motion.velocity).max()) for motion in motions)
+    highest = np.pi / (fastest * max(r.dt for r in problem.recordings))  # two samples per period at the largest speed
     for group, symbols in waves:
         rows = [[p.parameter(symbol) for p in group] for symbol in symbols]
         if not {name for names in rows for name in names} <= set(space.names):
