@@ -16,7 +16,7 @@ from brightgrey.recordings.units.parser import Unit, is_unit, parse_unit
 from brightgrey.recordings.units.signals import KINDS, assumed_unit, base_of, check_kind, fits, kind_of
 from brightgrey.recordings.window import TimeWindow
 
-__all__ = ["ColumnChoice", "OutputColumn", "ReadingOptions", "choose_columns"]
+__all__ = ["MODELS_EXPECT", "NAME_SAYS", "ColumnChoice", "OutputColumn", "ReadingOptions", "choose_columns"]
 
 # "name:kind", "name:kind@mass", "name" (its kind follows from its unit or its name), or (name, kind)
 OutputColumn = str | tuple[str, str]
@@ -28,6 +28,8 @@ KIND_NAMES = {
 }
 UNIT_IN_NAME = re.compile(r".*?_(?:in_)?([A-Za-zµ%]+(?:_per_[A-Za-z]+2?)?)")
 DRIVING = ("N m", "N", "V", "A")
+NAME_SAYS, MODELS_EXPECT = "its name says", "models expect"
+"""Words of notes that are likely to mean a fault."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def choose_columns(table: Table, options: ReadingOptions) -> ColumnChoice:
     if not named:
         raise SettingsError("no output is named; at least one is needed, e.g. velocity:velocity")
     given = _given_units(table, options.units)
-    check_names(options.scales, [column.name for column in table.columns])
+    check_names(options.scales, [column.name for column in table.columns], table.matches)
     chosen = [u, *(i for i, _, _ in named)]
     times, notes = _find_times(table, options, chosen)
     everything = [*chosen, *dict.fromkeys(times)]
@@ -152,6 +154,9 @@ def _kind_and_mass(sensor: str) -> tuple[str, int]:
 
 def _given_units(table: Table, units: Mapping[str, str]) -> dict[int, Unit | RecordingError]:
     """Return units by column, the user's before the file's, and an error for an unknown unit of the file."""
+    for name, unit in units.items():
+        if is_unit(name) and table.matches(unit) and not table.matches(name):
+            raise SettingsError(f"unit '{name}={unit}': the column comes first, write '{unit}={name}'")
     given: dict[int, Unit | RecordingError] = {}
     for i, column in enumerate(table.columns):
         if column.unit:
@@ -192,14 +197,21 @@ def _find_times(table: Table, options: ReadingOptions, chosen: Sequence[int]) ->
         if len(clocks) == len(chosen):
             return clocks, []
         without = table.columns[chosen[own.index(None)]].name
-        raise table.fault("it has no time of its own, as others have; name the time or give dt", column=without)
+        raise table.fault(
+            "it has no time of its own, as others have; name the time by --time, or give the interval by --dt",
+            column=without,
+        )
     taken = [table.columns[i].name for i in chosen if TIME_NAME.fullmatch(table.columns[i].name)]
     if not found and taken:
         raise table.fault(
-            f"column '{taken[0]}' is input or output here, and no other one is the time; name it or give dt"
+            f"column '{taken[0]}' is input or output here, and no other one is the time; name it by --time,"
+            " or give the interval by --dt"
         )
     if not found:
-        raise table.fault(f"no column is called t or time; name the time's column or give dt. Columns: {table.names()}")
+        raise table.fault(
+            "no column is called t or time, or has a unit of time; name it by --time, or give the interval by --dt."
+            f" Columns: {table.names()}"
+        )
     if len(found) > 1:
         candidates = ", ".join(f"'{table.columns[i].name}' (field {i + 1})" for i in found)
         raise table.fault(f"columns {candidates} can all be the time; name the right one")
@@ -207,10 +219,11 @@ def _find_times(table: Table, options: ReadingOptions, chosen: Sequence[int]) ->
 
 
 def _time_columns(table: Table, chosen: Sequence[int]) -> list[int]:
-    """Return the columns that may be the time: by their names, else those that hold clock times."""
+    """Return the columns that may be the time: by their names, else those of clock times, else by their units."""
     named = [i for i, c in enumerate(table.columns) if TIME_NAME.fullmatch(c.name) and i not in chosen]
     numbers = [i for i in named if not table.columns[i].clock_time]
-    return numbers or [i for i, c in enumerate(table.columns) if c.clock_time and i not in chosen]
+    clocks = [i for i, c in enumerate(table.columns) if c.clock_time and i not in chosen]
+    return numbers or clocks or [i for i, c in enumerate(table.columns) if c.is_in_time and i not in chosen]
 
 
 def _guess_kind(name: str, given: Unit | RecordingError | None) -> tuple[str, str]:
@@ -251,7 +264,13 @@ def _chosen_signals(
     """Return the signals of the chosen columns, input first."""
     names = [table.columns[i].name for i in chosen]
     scaled = [
-        options.scales.of(name, kind, _known_unit(given.get(i)))
+        options.scales.of(
+            name,
+            kind,
+            _known_unit(given.get(i)),
+            [key for key in options.scales.names() if table.matches(key) == [i]],
+            _other_than_current(name, kind),
+        )
         for i, name, kind in zip(chosen, names, ("input", *kinds), strict=True)
     ]
     u, *outputs = [found.unit for found in scaled]
@@ -276,8 +295,8 @@ def _chosen_signals(
 
 def _misfit(name: str, kind: str, unit: Unit) -> str:
     """Return the fault of an output whose unit is not that of its kind, with the option that mends it."""
-    if unit.text == "%":
-        return f"it is in % of a rated value; {rated_hint(name, kind)}"
+    if unit.is_part:
+        return f"it is in {unit.text} of a rated value; {rated_hint(name, kind)}"
     if ("[count]", 1) in unit.dimension:
         return f"it is in increments; say how many make a turn: --counts '{name}=4096'"
     return f"unit '{unit.text}' does not fit an output of kind {kind}, which has {fits(kind)}"
@@ -285,13 +304,15 @@ def _misfit(name: str, kind: str, unit: Unit) -> str:
 
 def _notes_on_input(signal: Signal) -> list[str]:
     """Return a note if the input is a motion, or a part of a value that is not known."""
-    if signal.unit == "%":
-        return [f"input '{signal.name}' is in % and so are the parameters; {rated_hint(signal.name, 'input')}"]
     unit = parse_unit(signal.unit)
+    if unit.is_part:
+        return [
+            f"input '{signal.name}' is in {unit.text} and so are the parameters; {rated_hint(signal.name, 'input')}"
+        ]
     if kind_of(unit) is None and unit.dimension != parse_unit("W").dimension:
         return []
     what = "power" if kind_of(unit) is None else "motion"
-    return [f"input '{signal.name}' in {signal.unit} is a {what}; models expect a torque, force, voltage or current"]
+    return [f"input '{signal.name}' in {signal.unit} is a {what}; {MODELS_EXPECT} a torque, force, voltage or current"]
 
 
 def _contradictions(table: Table, units: Mapping[str, str], kinds: Mapping[str, str]) -> list[str]:
@@ -310,12 +331,23 @@ def _contradictions(table: Table, units: Mapping[str, str], kinds: Mapping[str, 
 
 def _unit_in_name(signal: Signal) -> str:
     """Return a remark if the name of a column ends in a unit other than the assumed one."""
-    match = UNIT_IN_NAME.fullmatch(signal.name)
-    if not match or not is_unit(match[1]):
+    unit = _written_unit(signal.name, signal.kind)
+    if unit is None or unit.text == signal.unit:
         return ""
+    return f" ({NAME_SAYS} {unit.text}: if so, give the unit {signal.name}={unit.text})"
+
+
+def _other_than_current(name: str, kind: str) -> str:
+    """Return the unit that the name of an input ends in unless it is one of a current."""
+    unit = _written_unit(name, kind)
+    return "" if unit is None or unit.dimension == parse_unit("A").dimension else unit.text
+
+
+def _written_unit(name: str, kind: str) -> Unit | None:
+    """Return the unit that the name of an input or of an output of this `kind` ends in, None without a possible one."""
+    match = UNIT_IN_NAME.fullmatch(name)
+    if not match or not is_unit(match[1]):
+        return None
     unit = parse_unit(match[1])
     drives = [parse_unit(text).dimension for text in DRIVING]
-    plausible = unit.dimension in drives if signal.kind == "input" else base_of(unit, signal.kind)
-    if not plausible or unit.text == signal.unit:
-        return ""
-    return f" (its name says {unit.text}: if so, give the unit {signal.name}={unit.text})"
+    return unit if (unit.dimension in drives if kind == "input" else base_of(unit, kind)) else None

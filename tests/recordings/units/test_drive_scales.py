@@ -68,6 +68,7 @@ def test_drive_scales__value_missing__is_asked_for_by_its_option(options: dict[s
 WRONG = {
     "no unit": ({"rated": {"torque": "9.84"}}, r"rated torque '9\.84': expected a number and a unit"),
     "no number": ({"rated": {"torque": "N m"}}, "expected a number and a unit"),
+    "per cent of per cent": ({"rated": {"torque": "100 %"}}, "say what 100 % are in a unit"),
     "unknown unit": ({"rated": {"torque": "9.84 Nmx"}}, "rated torque '9.84 Nmx': unknown unit"),
     "negative": ({"rated": {"torque": "-1 N m"}}, "is not positive"),
     "unknown name": ({"rated": {"torqe": "1 N m"}}, r"'torqe' is neither a column nor .* Did you mean 'torque'\?"),
@@ -77,6 +78,8 @@ WRONG = {
     "no counts": ({"counts": {"y": 0.0}}, "counts per turn y 0 is not a positive number"),
     "no ratio": ({"gear": {"y": 0.0}}, "gear ratio y 0 is not"),
     "constant of a torque": ({"units": {"u": "N m"}, "torque_constant": "1 N m/A"}, "is in N m and not in A"),
+    "constant alone": ({"torque_constant": "0.05"}, "expected a number and a unit, like 0.05 N m/A"),
+    "column after its unit": ({"units": {"rpm": "y"}}, "the column comes first, write 'y=rpm'"),
     "constant in volts": ({"torque_constant": "1 V"}, "no torque or force per current"),
 }
 
@@ -86,3 +89,22 @@ def test_drive_scales__value_that_does_not_fit__is_refused(options: dict[str, ob
     with pytest.raises(BrightgreyError, match=message) as error:
         record(**options)  # type: ignore[arg-type]
     assert isinstance(error.value, RecordingError | SettingsError)
+
+
+def test_torque_constant__name_of_the_input_says_a_torque__is_refused() -> None:
+    columns = {"t": 0.001 * np.arange(N), "M_Nm": U, "y": V}
+    with pytest.raises(RecordingError, match="the name of 'M_Nm' says N m: give its unit"):
+        recording_from(columns, input="M_Nm", outputs="y", torque_constant="0.05 N m/A")
+    given = recording_from(columns, input="M_Nm", outputs="y", torque_constant="0.05 N m/A", units={"M_Nm": "A"})
+    np.testing.assert_allclose(given.u, 0.05 * U, rtol=1e-12)
+
+
+def test_drive_scales__number_of_a_column__stands_for_its_name() -> None:
+    recording = record("y:position", units={"u": "%"}, rated={"2": "8 N m"}, counts={"3": 4096}, gear={"3": 2.0})
+    np.testing.assert_allclose(recording.u, 0.08 * U, rtol=1e-12)
+    np.testing.assert_allclose(recording.y[0], 2.0 * V * 2 * np.pi / 4096, rtol=1e-12)
+
+
+def test_rated__thousandths__are_of_the_rated_value() -> None:
+    recording = record(units={"u": "0.1%"}, rated={"torque": "8 N m"})
+    np.testing.assert_allclose(recording.u, 0.008 * U, rtol=1e-12)

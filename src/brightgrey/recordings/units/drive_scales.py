@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -73,8 +73,11 @@ class DriveScales:
 
     def __post_init__(self) -> None:
         for name, text in self.rated.items():
-            if parse_value(f"rated {name}", text)[0] <= 0:
+            value, unit = parse_value(f"rated {name}", text)
+            if value <= 0:
                 raise SettingsError(f"rated {name} '{text}' is not positive")
+            if unit.is_part:
+                raise SettingsError(f"rated {name} '{text}': say what 100 % are in a unit, like 9.84 mN m")
         for name, counts in self.counts.items():
             if not (math.isfinite(counts) and counts > 0):
                 raise SettingsError(f"counts per turn {name} {counts:g} is not a positive number")
@@ -82,13 +85,13 @@ class DriveScales:
             if not (math.isfinite(ratio) and ratio != 0):
                 raise SettingsError(f"gear ratio {name} {ratio:g} is not a finite number other than zero")
         if self.torque_constant is not None:
-            parse_value("torque constant", self.torque_constant)
+            parse_value("torque constant", self.torque_constant, "0.05 N m/A")
 
     def names(self) -> list[str]:
         """Names of columns that values are given for; those of quantities are left out."""
         return [name for name in (*self.rated, *self.counts, *self.gear) if name not in QUANTITIES]
 
-    def of(self, column: str, kind: str, unit: Unit | None) -> Scaled:
+    def of(self, column: str, kind: str, unit: Unit | None, references: Sequence[str] = (), doubt: str = "") -> Scaled:
         """Return unit and factor of a column.
 
         Parameters
@@ -99,32 +102,36 @@ class DriveScales:
             ``input``, or a kind of output.
         unit : Unit, optional
             Of the column, as the file or the user says.
+        references : sequence of str
+            What else values may be given by, e.g. its number where several columns have its name.
+        doubt : str
+            Unit other than A that the name of the column ends in.
 
         Raises
         ------
         RecordingError
             If a value is given that does not fit the column.
         """
-        scaled = Scaled(unit)
-        if unit is not None and unit.text == "%":
-            scaled = self._of_rated(column, kind, unit)
-        elif column in self.rated:
+        scaled, names = Scaled(unit), (column, *references)
+        if unit is not None and unit.is_part:
+            scaled = self._of_rated(names, kind, unit)
+        elif any(name in self.rated for name in names):
             raise RecordingError(f"'{column}' has a rated value, but its unit is {_text(unit)} and not %")
-        if column in self.counts:
-            scaled = self._of_counts(column, kind, unit)
+        if (counts := next((self.counts[name] for name in names if name in self.counts), None)) is not None:
+            scaled = self._of_counts(column, kind, unit, counts)
         if kind == "input" and self.torque_constant is not None:
-            scaled = self._of_current(column, scaled)
-        return Scaled(scaled.unit, scaled.gain * self.gear.get(column, 1.0))
+            scaled = self._of_current(column, scaled, doubt)
+        return Scaled(scaled.unit, scaled.gain * next((self.gear[name] for name in names if name in self.gear), 1.0))
 
-    def _of_rated(self, column: str, kind: str, unit: Unit) -> Scaled:
-        keys = [column, *KIND_QUANTITIES[kind]]
+    def _of_rated(self, names: Sequence[str], kind: str, unit: Unit) -> Scaled:
+        keys = [*names, *KIND_QUANTITIES[kind]]
         key = next((key for key in keys if key in self.rated), None)
         if key is None:
             return Scaled(unit)
         value, rated = parse_value(f"rated {key}", self.rated[key])
-        return Scaled(rated, value / 100.0)
+        return Scaled(rated, value * unit.si)
 
-    def _of_counts(self, column: str, kind: str, unit: Unit | None) -> Scaled:
+    def _of_counts(self, column: str, kind: str, unit: Unit | None, counts: float) -> Scaled:
         order = KINDS.get(kind)
         if order is None:
             raise RecordingError(f"'{column}' has counts per turn, but it is the input and no motion")
@@ -132,11 +139,13 @@ class DriveScales:
         if unit is not None and dict(unit.dimension) != expected:
             raise RecordingError(f"'{column}' has counts per turn, but its unit is {unit.text}")
         turns = parse_unit(("rev", "rev/s", "rev/s²")[order])
-        return Scaled(turns, (1.0 if unit is None else unit.si) / self.counts[column])
+        return Scaled(turns, (1.0 if unit is None else unit.si) / counts)
 
-    def _of_current(self, column: str, scaled: Scaled) -> Scaled:
-        value, constant = parse_value("torque constant", str(self.torque_constant))
+    def _of_current(self, column: str, scaled: Scaled, doubt: str) -> Scaled:
+        value, constant = parse_value("torque constant", str(self.torque_constant), "0.05 N m/A")
         current = parse_unit("A")
+        if scaled.unit is None and doubt:
+            raise RecordingError(f"a torque constant is given, but the name of '{column}' says {doubt}: give its unit")
         unit = scaled.unit or current
         if unit.dimension != current.dimension:
             raise RecordingError(f"a torque constant is given, but the input '{column}' is in {unit.text} and not in A")
@@ -146,11 +155,11 @@ class DriveScales:
         return Scaled(driving, scaled.gain * value * constant.si * unit.si)
 
 
-def parse_value(what: str, text: str) -> tuple[float, Unit]:
-    """Read a number with its unit, e.g. ``9.84 mN m``; raise SettingsError that names `what` it is."""
+def parse_value(what: str, text: str, example: str = "9.84 mN m") -> tuple[float, Unit]:
+    """Read a number with its unit, like the `example`; raise SettingsError that names `what` it is."""
     match = VALUE.fullmatch(text)
     if match is None:
-        raise SettingsError(f"{what} '{text}': expected a number and a unit, like 9.84 mN m")
+        raise SettingsError(f"{what} '{text}': expected a number and a unit, like {example}")
     try:
         return float(match[1]), parse_unit(match[2])
     except RecordingError as error:
@@ -163,10 +172,10 @@ def rated_hint(column: str, kind: str) -> str:
     return f"say what 100 % are: --rated '{column}={example}'"
 
 
-def check_names(scales: DriveScales, columns: list[str]) -> None:
-    """Refuse values for a name that is neither a column nor a quantity."""
+def check_names(scales: DriveScales, columns: list[str], known: Callable[[str], object]) -> None:
+    """Refuse values for a name that is neither a column nor a quantity; `known` says if there is such a column."""
     for name in scales.names():
-        if name not in columns:
+        if not known(name):
             guess = nearest(name, [*columns, *QUANTITIES])
             hint = f" Did you mean '{guess}'?" if guess else ""
             raise SettingsError(f"'{name}' is neither a column nor one of {', '.join(QUANTITIES)}.{hint}")

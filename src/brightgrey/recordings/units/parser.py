@@ -38,6 +38,7 @@ mega- = 1e6 = M-
 second = [time] = s = sec
 minute = 60 * second = min
 hour = 60 * minute = h
+day = 24 * hour = day
 meter = [length] = m = metre
 inch = 0.0254 * meter = in
 foot = 12 * inch = ft = feet
@@ -48,6 +49,7 @@ arcsecond = degree / 3600 = arcsec
 gon = 0.9 * degree
 turn = 6.283185307179586 * radian = rev = revolution
 revolution_per_minute = turn / minute = rpm
+revolution_per_second = turn / second = rps
 kilogram = [mass] = kg
 standard_gravity = 9.80665 * meter / second ** 2 = g
 newton = kilogram * meter / second ** 2 = N
@@ -56,11 +58,13 @@ ounce_force = pound_force / 16 = ozf = oz = ounce
 kilogram_force = 9.80665 * newton = kgf = kp
 pascal = newton / meter ** 2 = Pa
 bar = 1e5 * pascal
-ampere = [current] = A = amp
-volt = kilogram * meter ** 2 / ampere / second ** 3 = V
+ampere = [current] = A = amp = Arms = Aeff
+volt = kilogram * meter ** 2 / ampere / second ** 3 = V = Vrms
 watt = kilogram * meter ** 2 / second ** 3 = W
-percent = 0.01 = %
-count = [count] = count = inc = digit = cnt = incr = tick = pulse
+percent = 0.01 = % = pct
+permille = 0.001 = ‰
+count = [count] = count = inc = digit = cnt = incr = tick = pulse = ink = increment = inkrement = step = pls = lsb = qc
+count_per_second = count / second = pps = cps
 """
 
 # Spellings of rpm on drives; a bare 1/min has no other meaning there.
@@ -77,7 +81,7 @@ TORQUES = tuple(
 )
 SIGNS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
 TOKEN = re.compile(
-    r"(?P<name>[^\W\d_⁰¹²³⁴-⁹]+|[°%])(?P<power>(?:\*\*|\^)?[-−]?\d+|⁻?[⁰¹²³⁴-⁹]+)?"
+    r"(?P<name>[^\W\d_⁰¹²³⁴-⁹]+|[°%‰])(?P<power>(?:\*\*|\^)?[-−]?\d+|⁻?[⁰¹²³⁴-⁹]+)?"
     r"|(?P<one>1)|(?P<sign>[()/])|(?P<times>\s*[*·⋅×._\s-]\s*)"
 )
 # Form of a whole unit, with one n for every name.
@@ -95,6 +99,11 @@ class Unit:
     si: float  #: Value of one unit in coherent SI (rad, m, kg, s, A).
     dimension: tuple[tuple[str, int], ...]  #: Sorted, e.g. ``(("[angle]", 1), ("[time]", -1))``.
 
+    @property
+    def is_part(self) -> bool:
+        """True for a part of a value that is to be known: % and ‰."""
+        return self.text in ("%", "‰")
+
 
 @cache
 def _registry() -> pint.UnitRegistry[float]:
@@ -109,15 +118,20 @@ def _registry() -> pint.UnitRegistry[float]:
 def _lookup(name: str) -> list[str] | None:
     """Full names of the units in one written name (two for ``Nm``), or None if it is unknown."""
     found = _registry().parse_unit_name(name, case_sensitive=True)
+    # Written-out names come in capitals and in the plural: Volts, Degrees, Deg, Min.
+    lower = name.lower()
+    spellings = [text for text in (lower, lower.removesuffix("s")) if len(text) > 2 and text != name]
+    if all(prefix for prefix, _, _ in found):
+        for text in spellings:
+            if any(not prefix for prefix, _, _ in _registry().parse_unit_name(text)):
+                return _lookup(text)
     if found:  # a plain name is preferred to a prefix: min is not milli-inch, kg not kilo-g
         prefix, unit, _ = min(found, key=lambda candidate: len(candidate[0]))
         return [prefix + unit]
     for torque in TORQUES:
         if match := torque.fullmatch(name):
             return [full for part in match.groups() for full in (_lookup(part) or [])]
-    # Written-out names come in capitals and in the plural: Volts, Degrees.
-    plain = name.lower().removesuffix("s")
-    return _lookup(plain) if len(plain) > 3 and plain != name else None
+    return next((_lookup(text) for text in spellings[-1:] if len(text) > 3), None)
 
 
 def _unknown(name: str, text: str) -> RecordingError:
@@ -207,6 +221,8 @@ def parse_unit(text: str) -> Unit:
         plain = "deg/s"
     elif compact == "-":
         plain = "1"
+    elif compact in ("0.1%", "0,1%"):
+        plain = "‰"
     if not compact:
         raise RecordingError(f"a unit is empty; units are written like {', '.join(COMMON_UNITS)}")
     registry = _registry()
