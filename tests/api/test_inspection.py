@@ -60,16 +60,16 @@ def test_inspect__no_header__finds_time_position_velocity_and_input(tmp_path: Pa
 def test_inspect__units_of_drives__are_asked_for_with_their_options(tmp_path: Path) -> None:
     path = write(tmp_path, "t [ms],Torque [%],Position [inc]", 1e3 * T, 50 * U, np.round(1e5 * Q))
     found = inspect(path)
-    assert "--counts Position=1" in found.command
+    assert "--counts Position=COUNTS" in found.command
     assert any("--rated 'Torque=VALUE UNIT'" in question for question in found.questions)
     assert any("increments make a turn" in question for question in found.questions)
 
 
 def test_inspect__no_time__asks_for_the_interval(tmp_path: Path) -> None:
     found = inspect(write(tmp_path, "torque_Nm,position_deg", U, np.round(np.rad2deg(Q), 6)))
-    assert "--dt 1.0" in found.command
+    assert "--dt SECONDS" in found.command
     assert "--unit 'torque_Nm=N m' --unit position_deg=deg" in found.command
-    assert any("put the sampling interval in place of 1 in --dt" in question for question in found.questions)
+    assert any("put it in place of SECONDS in --dt" in question for question in found.questions)
 
 
 def test_inspect__several_axes__takes_input_and_output_of_one(tmp_path: Path) -> None:

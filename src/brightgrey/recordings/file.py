@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from brightgrey.arrays import Array
 from brightgrey.errors import RecordingError, nearest, printable
 from brightgrey.recordings.formats import file_formats
 from brightgrey.recordings.formats.delimited import read_delimited
 from brightgrey.recordings.formats.file_format import FIRST_BYTES
 from brightgrey.recordings.formats.table import Table
 from brightgrey.recordings.formats.text import GZIP, unpacked_start
+from brightgrey.recordings.units.parser import is_unit
 
 __all__ = ["open_table"]
 
 DELIMITED = "delimited text"
+SCALED_UNIT = re.compile(r"(?:0[.,](?P<zeros>0{0,8})1|(?:1[eE]|10\^)-0?(?P<power>[1-9]))\s*[*·×x]?\s*(?P<unit>\S.*)")
 FOREIGN = (
     (
         rb"PK\x03\x04.{26}[^/]{1,200}\.npy",
@@ -77,10 +83,10 @@ def open_table(
         raise RecordingError(f"{file.name}: this is a compressed {found.title} file; unpack it, as it is no text")
     try:
         if found is not None:
-            return _named(found.read(file, like)), found.title
+            return _ready(found.read(file, like)), found.title
         if advice := next((what for pattern, what in FOREIGN if re.match(pattern, start, re.DOTALL)), ""):
             raise RecordingError(f"{file.name}: this is {advice}")
-        return _named(read_delimited(file, delimiter=delimiter, decimal=decimal, header=header)), DELIMITED
+        return _ready(read_delimited(file, delimiter=delimiter, decimal=decimal, header=header)), DELIMITED
     except OSError as error:
         raise RecordingError(f"{file.name}: the file cannot be read ({error.strerror})") from error
     except MemoryError as error:
@@ -89,19 +95,39 @@ def open_table(
         ) from error
 
 
-def _named(table: Table) -> Table:
-    """Return a table whose name can be written anywhere, whatever bytes the file's name has."""
-    return replace(table, name=printable(table.name))
+def _ready(table: Table) -> Table:
+    """Return a table whose name can be written anywhere, and whose units have no factors such as 0.1 rpm."""
+    table = replace(table, name=printable(table.name))
+    factors, columns, notes = {}, list(table.columns), []
+    for i, column in enumerate(table.columns):
+        match = SCALED_UNIT.fullmatch(column.unit or "")
+        if match and is_unit(match["unit"]):
+            digits = len(match["zeros"]) + 1 if match["zeros"] is not None else int(match["power"])
+            factors[i] = 10.0**digits
+            columns[i] = replace(column, unit=match["unit"])
+            notes.append(f"'{column.name}' counts {column.unit}: its numbers are divided by {factors[i]:g}")
+    if not factors:
+        return table
+
+    def load(indices: Sequence[int]) -> Array:
+        divisors = np.array([factors.get(i, 1.0) for i in indices])
+        return np.asarray(table.load(indices) / divisors[:, None])
+
+    return replace(table, columns=tuple(columns), load=load, notes=(*table.notes, *notes))
 
 
 def _first_bytes(path: Path) -> bytes:
     """Start of a file, after checking that it exists and can be read."""
     name = path.name or str(path)
+    if re.match(r"[a-z]{2,}:/", str(path)):
+        raise RecordingError(f"{path}: this is an address; download the file first")
     if "\0" in str(path):
         raise RecordingError(f"{name}: a NUL is in the name, which no file has")
     try:
         if path.is_dir():
-            raise RecordingError(f"{name}: this is a folder, not a recording")
+            within = sorted(p.name for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
+            example = f", e.g. {path / within[0]}" if within else ""
+            raise RecordingError(f"{name}: this is a folder, not a recording; name a file in it{example}")
         if not path.exists():
             folder = path.parent
             files = [p.name for p in folder.iterdir() if p.is_file()] if folder.is_dir() else []

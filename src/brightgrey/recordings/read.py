@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from brightgrey.arguments import bind_checked, checked_arguments
+from brightgrey.arrays import Array
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.columns import OutputColumn, ReadingOptions, choose_columns
 from brightgrey.recordings.formats.table import Column, Table
@@ -276,28 +277,49 @@ def recording_from(
     name : str
         Name of the recording in messages and results.
     """
-    arrays = []
+    arrays, clocks = [], []
     for key in columns:
-        try:
-            given = np.asarray(columns[key])
-            array = given.astype(np.float64) if given.dtype.kind != "c" else np.empty((0, 0))
-        except (TypeError, ValueError, OverflowError):
-            array = np.empty((0, 0))
-        if array.ndim != 1:
-            raise RecordingError(f"{name}: column '{key}': expected real numbers of shape (samples,)")
+        array, is_clock = _channel_of(columns[key], f"{name}: column '{key}'")
         arrays.append(array)
+        clocks.append(is_clock)
     lengths = {array.size for array in arrays}
     if len(lengths) != 1:
         raise RecordingError(f"{name}: columns must have one length, these have {sorted(lengths)}")
     table = Table(
         name,
-        tuple(Column(str(key), str(key)) for key in columns),
+        tuple(
+            Column(str(key), str(key), "s" if is_clock else None, clock_time=is_clock)
+            for key, is_clock in zip(columns, clocks, strict=True)
+        ),
         np.arange(1, lengths.pop() + 1),
         lambda indices: np.array([arrays[i] for i in indices]),
     )
     scales = DriveScales(rated, counts, gear, torque_constant)
     options = ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold, scales, shift)
     return _make_recording(table, options)
+
+
+def _channel_of(given: Any, where: str) -> tuple[Array, bool]:
+    """Return the numbers of a channel, and whether they were dates or times, which are seconds from the first one.
+
+    Raises
+    ------
+    RecordingError
+        That begins with `where`, for anything but real numbers of shape (samples,).
+    """
+    array = np.asarray(given)
+    if array.ndim != 1:
+        advice = "give x.ravel()" if array.size in array.shape else "give each of its columns a name of its own"
+        raise RecordingError(f"{where}: numbers of shape (samples,) are expected, {array.shape} came; {advice}")
+    if array.dtype.kind in "mM":
+        steps = (array - array[:1]).astype("timedelta64[ns]")
+        return np.where(np.isnat(steps), np.nan, steps.astype(np.int64) * 1e-9), True
+    try:
+        if array.dtype.kind == "c":
+            raise TypeError("complex numbers")
+        return array.astype(np.float64), False
+    except (TypeError, ValueError, OverflowError) as error:
+        raise RecordingError(f"{where}: real numbers are expected ({error})") from None
 
 
 def _make_recording(table: Table, options: ReadingOptions) -> Recording:

@@ -83,7 +83,8 @@ def load_recording_toml(path: str | Path) -> tuple[tuple[Path, ...], dict[str, A
     except OSError as error:
         raise SettingsError(f"{path}: the file cannot be read ({error.strerror})") from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise SettingsError(f"{path} is not TOML: {error}") from None
+        hint = "" if is_recording_toml(path) else "; a recording itself is read by read_recording"
+        raise SettingsError(f"{path} is not TOML: {error}{hint}") from None
     options = checked_options(str(path), content)
     files = options.pop("recording", None)
     if not files:

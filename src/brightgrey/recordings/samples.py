@@ -102,10 +102,15 @@ def _parts(
         data, rows = _present(data, rows, filled)
     missing = np.isnan(data[:-1])
     several = len(places) > 1 and table.columns[columns[0]].clock is None
-    if not several or missing.all(axis=1).any() or missing.mean(axis=1).max() <= READING.merged:
+    if not several or missing.all(axis=1).any() or max(map(_missing_within, missing)) <= READING.merged:
         return [(places, data, rows)]
     kept = [np.flatnonzero(~absent) for absent in missing]
     return [([place], data[[k, -1]][:, kept[k]], rows[kept[k]]) for k, place in enumerate(places)]
+
+
+def _missing_within(absent: NDArray[np.bool_]) -> float:
+    """Return the part of the rows from the first to the last value of a channel that hold none."""
+    return float(absent[span_of_present(absent)].mean())
 
 
 def _present(data: Array, rows: Indices, absent: NDArray[np.bool_]) -> tuple[Array, Indices]:

@@ -139,8 +139,10 @@ def uniform_grid(stamps: Stamps) -> UniformGrid:
     steps = np.diff(t)
     if (steps < 0).any():
         at = int(np.argmax(steps < 0)) + 1
+        remedy = "turn their order round" if (steps < 0).all() else "if it was started again, cut the file there"
+        where = ", in all rows" if (steps < 0).all() else ""
         raise stamps.fault(
-            f"time runs backwards: {t[at]:.9g} s after {t[at - 1]:.9g} s; if it was started again, cut the file there",
+            f"time runs backwards{where}: {t[at]:.9g} s after {t[at - 1]:.9g} s; {remedy}",
             at,
         )
     if t[-1] == t[0]:
@@ -216,11 +218,11 @@ def _refuse_stamps(stamps: Stamps, counts: Indices, whole: NDArray[np.bool_], us
     t, steps = stamps.t, np.diff(stamps.t)
     if (steps == 0).any():
         at = int(np.argmax(steps == 0)) + 1
-        raise stamps.fault(
-            f"time {t[at]:.9g} s is repeated with other values; leave one of the rows out, or give the interval"
-            " instead of the time if it is known",
-            at,
-        )
+        if int((steps == 0).sum()) > repairs_allowed(t.size):
+            remedy = "the time is too coarse: give the interval by --dt if it is known"
+        else:
+            remedy = "leave one of the rows out, or give the interval by --dt instead of the time if it is known"
+        raise stamps.fault(f"time {t[at]:.9g} s is repeated with other values; {remedy}", at)
     if not whole.all():
         at = int(np.argmax(np.abs(steps - usual) > READING.max_uneven * usual)) + 1
         raise stamps.fault(

@@ -339,7 +339,7 @@ def test_read_delimited__late_decimal_comma__is_found(tmp_path: Path) -> None:
     [
         (b"PK\x03\x04" + bytes(100), "save the sheet as CSV"),
         (b"\x00\x01\x02" * 100, "no text file"),
-        (b"\x81\x8d\x8f\x90\x9d", "neither UTF-8 nor"),
+        (b"\x81\x8d\x8f\x90\x9d", "no columns of numbers"),
     ],
 )
 def test_read_recording__file_that_is_no_text__is_refused(tmp_path: Path, content: bytes, message: str) -> None:

@@ -136,6 +136,24 @@ def test_read_delimited__logger_begins_anew__says_to_cut_the_file(tmp_path: Path
         read(path)
 
 
+def test_read_delimited__rows_from_the_last_to_the_first__says_to_turn_them(tmp_path: Path) -> None:
+    path = write(tmp_path, ["time,torque,velocity"], lambda k: plain(N - 1 - k))
+    with pytest.raises(RecordingError, match=r"time runs backwards, in all rows: .* turn their order round"):
+        read(path)
+
+
+def test_read_delimited__time_of_whole_seconds__asks_for_the_interval(tmp_path: Path) -> None:
+    path = write(tmp_path, ["time,torque,velocity"], lambda k: f"{k // 20},{U[k]},{V[k]}")
+    with pytest.raises(RecordingError, match="the time is too coarse: give the interval by --dt"):
+        read(path)
+
+
+def test_table__part_of_a_name__is_guessed(tmp_path: Path) -> None:
+    path = write(tmp_path, ["time,_to.Axis_1.actorData.torque_nominal,velocity"], plain)
+    with pytest.raises(RecordingError, match=r"Did you mean '_to\.Axis_1\.actorData\.torque_nominal'"):
+        read(path)
+
+
 @pytest.mark.parametrize("word", ["#NV", "1.#QNAN", "-nan(ind)", "n. def.", "#DIV/0!", "Bad"])
 def test_read_delimited__word_for_no_number__is_missing(tmp_path: Path, word: str) -> None:
     recording = read(
@@ -265,10 +283,21 @@ def test_read_numbered__oscilloscope_of_rigol__has_the_time_of_its_header(tmp_pa
     assert (recording.t[0], recording.input.unit) == (-0.5, "V")
 
 
-@pytest.mark.parametrize("second", ["Sequence,Volt,Volt,,", "Sequence,Volt,Volt", "Sequence,Volt,Volt,0,-1e-3"])
+@pytest.mark.parametrize("unit", ["s", ""])
+def test_read_numbered__step_in_the_line_of_names__gives_the_time(tmp_path: Path, unit: str) -> None:
+    head = f"CH1V,CH2V,t0 =-5.000000e-02{unit}, tInc = 1.000000e-03{unit},"
+    path = write(tmp_path, [head], lambda k: f"{U[k]},{V[k]},,")
+    recording = read(path, input="CH1", outputs="CH2V:velocity", units={"CH1": "N m", "CH2": "rad/s"})
+    same(recording)
+    assert recording.t[0] == pytest.approx(-0.05)
+
+
+@pytest.mark.parametrize(
+    "second", ["Sequence,Volt,Volt,,", "Sequence", "Sequence,Volt,Volt", "Sequence,Volt,Volt,0,-1e-3"]
+)
 def test_read_numbered__header_without_a_step__is_refused(tmp_path: Path, second: str) -> None:
     path = write(tmp_path, ["X,torque,velocity,Start,Increment,", second], lambda k: f"{k},{U[k]},{V[k]},")
-    with pytest.raises(RecordingError, match="row 2: no numbers below Start and Increment"):
+    with pytest.raises(RecordingError, match="row 2: no numbers for the first time and the step"):
         read(path)
 
 

@@ -81,7 +81,7 @@ def test_read_mat__size_that_is_a_lie__is_refused(tmp_path: Path, size: int) -> 
 
 
 def test_recording_from__complex_numbers__are_refused() -> None:
-    with pytest.raises(RecordingError, match="column 'u': expected real numbers"):
+    with pytest.raises(RecordingError, match="column 'u': real numbers are expected"):
         recording_from({"t": T, "u": U * 1j, "v": U}, input="u", outputs="v")
 
 

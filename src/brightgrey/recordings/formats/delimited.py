@@ -1,9 +1,9 @@
 """Text files with columns: CSV in every dialect that loggers and spreadsheets write.
 
-The reader finds encoding, delimiter, decimal and thousands mark, comment lines (``#``, ``%``, ``//``), lines before the
-header, and the header. Units in the header are written as ``torque [N m]``, ``torque (N m)`` or ``torque / N m``, or in
-a row below the names. Empty lines are skipped. Without a header the columns are called ``1``, ``2``, ... A text that is
-compressed by gzip is expanded.
+The reader finds encoding, delimiter, decimal and thousands mark, comment lines (``#``, ``%``, ``//``, ``!``), lines
+before the header, and the header. Units in the header are written as ``torque [N m]``, ``torque (N m)`` or
+``torque / N m``, or in a row below the names. Empty lines are skipped. Without a header the columns are called ``1``,
+``2``, ... A text that is compressed by gzip is expanded.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,16 +20,17 @@ import numpy as np
 from brightgrey.arrays import Indices
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.dialect import MISSING, Dialect, dialects, find_dialect
-from brightgrey.recordings.formats.header import Lines, header_comment, named_columns
+from brightgrey.recordings.formats.header import Lines, header_comment, named_columns, split_header
 from brightgrey.recordings.formats.numbers import TextNumbers
-from brightgrey.recordings.formats.table import Column, Table, list_rows, skipped_rows, with_clocks
-from brightgrey.recordings.formats.text import Text, read_text
+from brightgrey.recordings.formats.table import TIME_NAME, Column, Table, list_rows, skipped_rows, with_clocks
+from brightgrey.recordings.formats.text import UNKNOWN_ENCODING, Text, read_text
 from brightgrey.recordings.formats.time_stamps import are_stamps, first_day
 from brightgrey.recordings.policy import READING
+from brightgrey.recordings.units.parser import is_unit
 
 __all__ = ["read_delimited"]
 
-COMMENTS = ("#", "%", "//")
+COMMENTS = ("#", "%", "//", "!")
 LEADING_WORD = re.compile(r"[^\W\d_][^\d]*")
 
 
@@ -78,6 +80,10 @@ def read_delimited(
     first = _first_numbers(head, spread, dialect, header, name)
     body = content[np.searchsorted(content, head.rows[first] - 1) :]
     body, notes = _without_footer(text, body, dialect)
+    if text.encoding == UNKNOWN_ENCODING:
+        notes.append(
+            "the text is neither UTF-8, UTF-16 nor Windows-1252: names may look odd, their numbers stand for them"
+        )
     if (between := int(body[-1] - body[0]) + 1 - body.size) > 0:
         notes.append(f"{between} empty or comment lines between the rows of numbers were skipped")
     body, restarts = _without_repeated(text, body, head[:first])
@@ -94,21 +100,67 @@ def _table(
     commented = header is None and not head.text
     if commented:
         head = header_comment(comments, int(body[0]) + 1, low, dialect)
-    columns, notes = named_columns(head, (low, high), dialect, name) if header is not False else ((), ())
+    numbered = int(_has_row_names(text, body, rows, head, dialect))
+    widths = (low - numbered, high - numbered)
+    whole = dialect.delimiter == "," and not any("." in field for row in rows for field in row)
+    hint = "; if commas are the decimal marks as well, export with semicolons or tabs between the columns" * whole
+    columns, notes = named_columns(head, widths, dialect, name, hint) if header is not False else ((), ())
+    columns = (*(Column("", ""),) * numbered, *columns) if columns else ()
     if commented and columns:
         notes = (f"column names are taken from the comment in row {head.rows[0]}",)
     width = len(columns) or low
     columns = columns or tuple(Column(str(i + 1), str(i + 1)) for i in range(width))
     fields = [[row[i] for row in rows if i < len(row)] for i in range(width)]
     stamps = {i: first_day(texts) for i, texts in enumerate(fields) if are_stamps(texts)}
+    cell_units = {i: unit for i, texts in enumerate(fields) if (unit := _cell_unit(texts, dialect))}
     columns = tuple(
-        replace(c, unit="s", clock_time=True) if i in stamps else replace(c, first=_first(fields[i], dialect))
+        replace(c, name=c.name or "time", unit="s", clock_time=True)
+        if i in stamps
+        else replace(c, unit=c.unit or cell_units.get(i), first=_first(fields[i], dialect))
         for i, c in enumerate(columns)
     )
-    table = Table(name, with_clocks(columns), body + 1, lambda indices: np.empty(0), notes)
-    numbers = TextNumbers(text, body, width, dialect, stamps, table)
+    notes = (*notes, *_one_value_per_row(columns, fields, dialect))
+    rising = {i for i, texts in enumerate(fields) if _is_rising(texts, dialect)}
+    table = Table(name, with_clocks(columns, rising), body + 1, lambda indices: np.empty(0), notes)
+    numbers = TextNumbers(text, body, width, dialect, stamps, table, cell_units)
     numbers.check_widths()
     return replace(table, load=numbers.load)
+
+
+def _has_row_names(text: Text, body: Indices, rows: list[list[str]], head: Lines, dialect: Dialect) -> bool:
+    """Return True if the header lacks a name for the first column, in which rows are counted in quotes, as R does."""
+    counted = [row[0] for row in rows] == [str(i + 1) for i in range(len(rows))]
+    if not (counted and head.text and text.line(int(body[0])).lstrip().startswith('"')):
+        return False
+    return len(split_header(head.text[-1], dialect, len(rows[0]) - 1)) == len(rows[0]) - 1
+
+
+def _cell_unit(fields: list[str], dialect: Dialect) -> str:
+    """Return the unit that follows every number of a column (``0.002 sec``), empty if none does."""
+    cells = [field.rpartition(" ") for field in fields if field.casefold() not in MISSING]
+    units = {unit for _, _, unit in cells}
+    if len(units) != 1 or not all(dialect.is_number(number.rstrip()) for number, _, _ in cells):
+        return ""
+    unit = units.pop()
+    return unit if is_unit(unit) and not unit[0].isdigit() else ""
+
+
+def _one_value_per_row(columns: Sequence[Column], fields: list[list[str]], dialect: Dialect) -> list[str]:
+    """Return a note if a word in each row seems to say which channel its only number is of."""
+    channels = [i for i, c in enumerate(columns) if not (c.clock_time or TIME_NAME.fullmatch(c.name))]
+    numeric = [i for i in channels if all(map(dialect.is_number, fields[i]))]
+    words: list[set[str]] = [set(fields[i]) for i in channels if not any(map(dialect.is_number, fields[i]))]
+    if len(numeric) != 1 or not any(1 < len(found) <= READING.listed_columns for found in words):
+        return []
+    longest = max(words, key=len)
+    names = ", ".join(sorted(longest))
+    return [f"each row holds one number, and a word says of what ({names}): write a column for each of them"]
+
+
+def _is_rising(fields: list[str], dialect: Dialect) -> bool:
+    """Return True if every number of a column is larger than the one before."""
+    numbers = [dialect.number(field) for field in fields if field.casefold() not in MISSING]
+    return len(numbers) > 1 and all(a is not None and b is not None and a < b for a, b in pairwise(numbers))
 
 
 def _first(fields: list[str], dialect: Dialect) -> float:
@@ -244,11 +296,12 @@ def _first_numbers(head: Lines, spread: _Spread, dialect: Dialect, header: bool 
 
 
 def _last_names(rows: list[list[str]], width: int, numeric: Set[int], dialect: Dialect) -> int:
-    """Return the index of the last row near the beginning that has text in all columns of numbers; -1 for none."""
+    """Return the index of the last row near the beginning with nothing but text in columns of numbers, or -1."""
     last = -1
     for index, fields in enumerate(rows[: READING.preamble_lines]):
-        texts = [field for i, field in enumerate(fields[:width]) if i in numeric]
-        if len(texts) == len(numeric) > 1 and all(texts) and not any(map(dialect.is_number, texts)):
+        cells = [field for i, field in enumerate(fields[:width]) if i in numeric]
+        texts = [field for field in cells if field]
+        if len(cells) == len(numeric) and len(texts) > 1 and not any(map(dialect.is_number, texts)):
             last = index
     return last
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from brightgrey.errors import SettingsError, unknown_name
 
-__all__ = ["MISSING", "Dialect", "dialects", "find_dialect", "with_thousands"]
+__all__ = ["DELIMITERS", "MISSING", "Dialect", "dialects", "find_dialect", "with_thousands"]
 
 NAMED_DELIMITERS = {"tab": "\t", "\\t": "\t", "semicolon": ";", "comma": ",", "space": " "}
 # In order of preference where they explain a file equally well; a space stands for any white space.
@@ -30,13 +30,20 @@ MISSING = frozenset(
 )
 # Each digit can be matched in one way only: a failing match of a long field takes linear time.
 NUMBERS = {
-    ".": re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII),
-    ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?", re.ASCII),
+    ".": re.compile(r"[+−-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+−-]?\d+)?|[+−-]?\d*\.\d+[dD][+−-]?\d+", re.ASCII),
+    ",": re.compile(r"[+−-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+−-]?\d+)?", re.ASCII),
 }
 INFINITE = re.compile(r"(?P<sign>[+-]?)(?:inf(?:inity)?|∞|1[.]#INF)", re.IGNORECASE)
 LONGEST_NUMBER = 400
 """Characters of the longest number: 1e308 with all its digits and some decimals."""
-THOUSANDS = {".": ",'’", ",": ".'’"}
+# Thousands marks that are nothing else; a plain space is one beside semicolons only.
+BLANKS = " \u00a0\u202f"
+SURE_MARKS = "'’" + BLANKS
+THOUSANDS = {".": ",'’" + BLANKS, ",": ".'’" + BLANKS}
+# Python's float reads none of these: the minus sign of typography, and exponents of Fortran.
+PLAIN_SIGNS = str.maketrans("−dD", "-ee")
+QUOTED_COMMA = re.compile(r'"([+−-]?\d*,\d+)"')
+COMMA_GROUPS = re.compile(r"[+−-]?[1-9]\d{0,2}(,\d{3})+")
 
 
 @dataclass(frozen=True)
@@ -52,7 +59,7 @@ class Dialect:
         if '"' in line:
             fields = self._split_quoted(line.strip())
         elif self.delimiter == " ":
-            fields = line.split()
+            fields = line.split() if line.isascii() else re.split(r"[ \t]+", line.strip())
         else:
             fields = line.split(self.delimiter)
         return [field.strip() for field in fields]
@@ -81,12 +88,12 @@ class Dialect:
         if match := INFINITE.fullmatch(field):
             return float(f"{match['sign']}inf")
         plain = field.replace(self.thousands, "") if self.thousands else field
-        return float(plain.replace(",", ".") if self.decimal == "," else plain)
+        return float((plain.replace(",", ".") if self.decimal == "," else plain).translate(PLAIN_SIGNS))
 
     @cached_property
     def _grouped(self) -> re.Pattern[str]:
         return re.compile(
-            rf"[+-]?[1-9]\d{{0,2}}(?:{re.escape(self.thousands)}\d{{3}})+(?:{re.escape(self.decimal)}\d*)?"
+            rf"[+−-]?[1-9]\d{{0,2}}(?:{re.escape(self.thousands)}\d{{3}})+(?:{re.escape(self.decimal)}\d*)?"
         )
 
 
@@ -94,17 +101,19 @@ def with_thousands(dialect: Dialect, lines: Sequence[str]) -> Dialect:
     """Return the dialect with the thousands mark that lines show beyond doubt.
 
     A mark is beyond doubt where a number has two of them or a decimal mark as well (``1.234.567``, ``1,234.5``), or if
-    it is an apostrophe. ``1.500`` beside numbers with a decimal comma is not: it may be one and a half.
+    it is an apostrophe or a space. ``1.500`` beside numbers with a decimal comma is not: it may be one and a half.
     """
     found = set()
     for mark in THOUSANDS[dialect.decimal]:
         if mark == dialect.delimiter and not any('"' in line for line in lines):
             continue
+        if mark in BLANKS and (dialect.delimiter in ", " or (mark == " " and dialect.delimiter != ";")):
+            continue
         sure = replace(dialect, thousands=mark)
         for line in lines:
             fields = sure.split(line) if mark in line else ()
             numbers = [field for field in fields if mark in field and sure.is_number(field)]
-            if any(f.count(mark) > 1 or dialect.decimal in f or mark in "'’" for f in numbers):
+            if any(f.count(mark) > 1 or dialect.decimal in f or mark in SURE_MARKS for f in numbers):
                 found.add(mark)
                 break
     return replace(dialect, thousands=found.pop()) if len(found) == 1 else dialect
@@ -129,8 +138,16 @@ def dialects(delimiter: str | None, decimal: str | None) -> list[Dialect]:
         Dialect(d, mark)
         for d in ([delimiter] if delimiter else DELIMITERS)
         for mark in ([decimal] if decimal else (".", ","))
-        if d != mark
     ]
+
+
+def _is_mixed(dialect: Dialect, lines: Sequence[str]) -> bool:
+    """Return True if delimiter and decimal mark are one, and no quoted number in the lines shows that it is both."""
+    if dialect.delimiter != dialect.decimal:
+        return False
+    return not any(
+        not COMMA_GROUPS.fullmatch(field) for line in lines if '"' in line for field in QUOTED_COMMA.findall(line)
+    )
 
 
 def find_dialect(lines: Sequence[str], candidates: Sequence[Dialect]) -> tuple[Dialect, float]:
@@ -162,7 +179,7 @@ def find_dialect(lines: Sequence[str], candidates: Sequence[Dialect]) -> tuple[D
                 total += sum(map(dialect.is_number, present)) / max(len(present), 1)
         return total / len(rows)
 
-    shown = [with_thousands(dialect, lines) for dialect in candidates]
+    shown = [with_thousands(dialect, lines) for dialect in candidates if not _is_mixed(dialect, lines)]
     scores = [score(dialect) for dialect in shown]
     best = max(scores)
     if best == 0.0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,6 +32,8 @@ class TextNumbers:
         Columns that hold clock times, each with the number of its first day.
     table : Table
         For messages.
+    cell_units : mapping of int to str
+        Columns in which a unit follows every number.
     ragged : bool
         True if fields may be missing at the end of a row: shorter channels have ended there.
     """
@@ -42,13 +44,14 @@ class TextNumbers:
     dialect: Dialect
     stamps: Mapping[int, float]
     table: Table
+    cell_units: Mapping[int, str] = field(default_factory=dict)
     ragged: bool = False
 
     def check_widths(self) -> None:
         """Refuse rows with more or fewer fields (RecordingError); additional empty fields at the end are accepted."""
         delimiter = self.dialect.delimiter
         for at, lines in self.text.blocks(self.body):
-            if any('"' in line for line in lines):
+            if any('"' in line or (delimiter == " " and not line.isascii()) for line in lines):
                 counts = [len(self.dialect.split(line)) for line in lines]
             elif delimiter == " ":
                 counts = [len(line.split()) for line in lines]
@@ -71,7 +74,7 @@ class TextNumbers:
         values = np.empty((len(indices), self.body.size))
         for at, lines in self.text.blocks(self.body):
             part = slice(at, at + len(lines))
-            fast = None if self.stamps.keys() & indices else self._fast(lines, indices)
+            fast = None if {*self.stamps, *self.cell_units}.intersection(indices) else self._fast(lines, indices)
             if fast is not None:
                 values[:, part] = fast
             else:
@@ -86,7 +89,7 @@ class TextNumbers:
     def _fast(self, lines: list[str], indices: Sequence[int]) -> Array | None:
         """Return the numbers by numpy's parser, or None if only `_slow` can read the lines."""
         # A point in a file with decimal commas could separate thousands.
-        foreign = '"' + self.dialect.thousands + ("." if self.dialect.decimal == "," else "")
+        foreign = '"\u00a0\u202f' + self.dialect.thousands + ("." if self.dialect.decimal == "," else "")
         if any(mark in line for mark in foreign for line in lines):
             return None
         if self.dialect.decimal == ",":
@@ -103,19 +106,29 @@ class TextNumbers:
         for sample, line in enumerate(lines):
             fields = self.dialect.split(line)
             for target, index in enumerate(indices):
-                field = fields[index] if index < len(fields) else ""
+                cell = fields[index] if index < len(fields) else ""
                 if index in clocks:
-                    clocks[index].append(field)
+                    clocks[index].append(cell)
                     continue
-                value = self.dialect.number(field)
+                value = self.dialect.number(cell.removesuffix(self.cell_units.get(index, "")).rstrip())
                 if value is None:
-                    raise self._fault(f"'{field}' is not a number", index, at + sample)
+                    raise self._fault(f"'{cell}' is not a number{self._doubt(cell)}", index, at + sample)
                 values[target, sample] = value
         for target, index in enumerate(indices):
             if index in clocks:
                 values[target], wrong = seconds(clocks[index], self.stamps[index])
                 if wrong:
                     raise self._fault(f"'{clocks[index][wrong[0]]}' is no clock time", index, at + wrong[0])
+
+    def _doubt(self, cell: str) -> str:
+        """Return what may be meant by a cell with the mark that is not the decimal mark, and what to do."""
+        mark = "," if self.dialect.decimal == "." else "."
+        if not replace(self.dialect, decimal=mark, thousands="").is_number(cell):
+            return ""
+        return (
+            f" with the decimal mark '{self.dialect.decimal}' that the file has elsewhere; if its '{mark}' separates"
+            " thousands, export the numbers without it"
+        )
 
     def _fault(self, text: str, index: int, sample: int) -> Exception:
         return self.table.fault(text, column=self.table.columns[index].name, row=int(self.table.rows[sample]))

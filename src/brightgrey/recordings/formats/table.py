@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from brightgrey.arrays import Array, Indices
 from brightgrey.errors import RecordingError, nearest
 from brightgrey.recordings.policy import READING
+from brightgrey.recordings.units.parser import is_unit, parse_unit
 
 __all__ = ["TIME_NAME", "Column", "Table", "list_rows", "skipped_rows", "with_clocks"]
 
 TIME_NAME = re.compile(
-    r"(t|time|zeit|time[_ ]?stamps?|(sim(ulation)?|elapsed|rel(ative)?)[_ ]?time)"
+    r"(t|tout|time|zeit|time[_ ]?stamps?|(sim(ulation)?|elapsed|rel(ative)?)[_ ]?time)"
     r"([_ ](?P<unit>s|sec|seconds?|ms|us|µs|min))?",
     re.IGNORECASE,
 )
@@ -22,6 +23,8 @@ TIME_NAME = re.compile(
 SINCE_1970 = (9.8e8, 4.1e9)
 """Seconds from 1970 to 2001, and to 2100."""
 NUMBERED = re.compile(r"[ _.]?\d{1,3}")
+TIME_OF = re.compile(r"(t|time|zeit)[ _.](?P<after>.+)|(?P<before>.+?)[ _.](t|time|zeit)", re.IGNORECASE)
+"""Name of a column that holds the time of another, ``t_torque`` or ``torque.time``."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,12 @@ class Column:
     clock: int | None = None
     clock_time: bool = False
     first: float = float("nan")
+
+    @property
+    def is_in_time(self) -> bool:
+        """True if the file gives it a unit of time, and its numbers are no clock times."""
+        unit = self.unit or ""
+        return not self.clock_time and is_unit(unit) and parse_unit(unit).dimension == (("[time]", 1),)
 
     def time_unit(self) -> tuple[str, str]:
         """Return the unit of a time, and why it is none that the file gives: its name, or its size since 1970.
@@ -127,26 +136,36 @@ class Table:
         """
         found = self.matches(name)
         if not found:
-            guess = nearest(name, [column.name for column in self.columns])
+            names = [column.name for column in self.columns]
+            within = (known for known in names if len(name) > 2 and name.casefold() in known.casefold())
+            guess = nearest(name, names) or next(within, None)
             hint = f" Did you mean '{guess}'?" if guess else ""
             raise self.fault(f"unknown column '{name}'.{hint} Columns: {self.names()}")
         if len(found) > 1:
             fields = ", ".join(str(i + 1) for i in found[: READING.listed_columns])
-            raise self.fault(f"{len(found)} columns are called '{name}' (fields {fields}); name them apart")
+            raise self.fault(
+                f"{len(found)} columns are called '{name}' (fields {fields}); give the number of the right one"
+            )
         return found[0]
 
 
-def with_clocks(columns: Sequence[Column]) -> tuple[Column, ...]:
+def with_clocks(columns: Sequence[Column], rising: Container[int] = ()) -> tuple[Column, ...]:
     """Return the columns of a text, each with its own time where the file has several times.
 
     That is so if the first column is a time, and every further time stands left of the channels that belong to it:
-    ``t, torque, t, velocity``.
+    ``t, torque, t, velocity``. A time may be called after its channel: ``t_torque, torque, t_vel, velocity``. It then
+    has to be among the `rising` columns, since ``t_motor, motor_speed`` may be a temperature.
     """
 
-    def is_time(column: Column) -> bool:
-        return bool(TIME_NAME.fullmatch(column.name) or TIME_NAME.fullmatch(NUMBERED.sub("", column.name)))
+    def is_time(index: int) -> bool:
+        name = columns[index].name
+        if TIME_NAME.fullmatch(name) or TIME_NAME.fullmatch(NUMBERED.sub("", name)):
+            return True
+        match, after = TIME_OF.fullmatch(name[:200]), columns[index + 1 : index + 2]
+        owner = ((match["after"] or match["before"]) if match else "").casefold()
+        return bool(index in rising and owner and after and after[0].name.casefold().startswith(owner))
 
-    times = [i for i, column in enumerate(columns) if is_time(column)]
+    times = [i for i in range(len(columns)) if is_time(i)]
     apart = all(later - earlier > 1 for earlier, later in pairwise([*times, len(columns)]))
     if len(times) < 2 or times[0] != 0 or not apart:
         return tuple(columns)

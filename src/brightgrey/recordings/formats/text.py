@@ -18,9 +18,11 @@ from brightgrey.arrays import Indices
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.policy import READING
 
-__all__ = ["GZIP", "Text", "first_text", "read_text", "unpacked_start"]
+__all__ = ["GZIP", "UNKNOWN_ENCODING", "Text", "first_text", "read_text", "unpacked_start"]
 
 GZIP = b"\x1f\x8b"
+UNKNOWN_ENCODING = "latin-1"
+"""Stands for an encoding that is not known: each byte is a letter, and digits are what they are in all of them."""
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 BLOCK = 1 << 20
 SPACES = b" \t\r\x0b\x0c\xef\xbb\xbf"
@@ -106,13 +108,13 @@ def first_text(start: bytes) -> str:
 
 
 def read_text(path: Path) -> Text | None:
-    """Read a text file in UTF-8, UTF-16 with a byte order mark, or Windows-1252; None if it is no text.
+    """Read a text file in UTF-8, UTF-16, Windows-1252 or another encoding that keeps ASCII; None if it is no text.
 
     Raises
     ------
     RecordingError
         For a gzip file that is damaged or expands to more than `READING.max_expansion` times its size, and for a
-        text in no encoding that is known.
+        text that is not the UTF-16 that it begins as.
     """
     data = path.read_bytes()
     if data.startswith(GZIP):
@@ -123,12 +125,14 @@ def read_text(path: Path) -> Text | None:
         except UnicodeDecodeError as error:
             raise RecordingError(f"{path.name}: the text is not the UTF-16 that it begins as") from error
     elif b"\x00" in data[:4096]:
-        return None
+        data = _without_nul(data)
+        if not data:
+            return None
     data = data.removeprefix(codecs.BOM_UTF8)
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     data = data if data.endswith(b"\n") else data + b"\n"
-    return Text(data, _encoding(data, path.name), _line_starts(data))
+    return Text(data, _encoding(data), _line_starts(data))
 
 
 def _unpacked(packed: bytes, name: str) -> bytes:
@@ -153,8 +157,8 @@ def _unpacked(packed: bytes, name: str) -> bytes:
     return b"".join(parts)
 
 
-def _encoding(data: bytes, name: str) -> str:
-    """Return the encoding that all bytes fit."""
+def _encoding(data: bytes) -> str:
+    """Return the first encoding that all bytes fit."""
     if data.isascii():
         return "ascii"
     for encoding in ("utf-8", "cp1252"):
@@ -165,7 +169,19 @@ def _encoding(data: bytes, name: str) -> str:
         except UnicodeDecodeError:
             continue
         return encoding
-    raise RecordingError(f"{name}: the text is neither UTF-8 nor UTF-16 nor Windows-1252")
+    return UNKNOWN_ENCODING
+
+
+def _without_nul(data: bytes) -> bytes:
+    """Return UTF-16 without a byte order mark as UTF-8; empty for what is no such text."""
+    start = np.frombuffer(data[:4096], np.uint8)
+    for encoding, empty in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
+        if np.count_nonzero(empty == 0) > 0.9 * empty.size and np.count_nonzero(start == 0) <= 0.5 * start.size:
+            try:
+                return data.decode(encoding).encode()
+            except UnicodeDecodeError:
+                return b""
+    return b""
 
 
 def _line_starts(data: bytes) -> Indices:

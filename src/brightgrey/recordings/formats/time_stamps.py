@@ -14,12 +14,14 @@ from brightgrey.recordings.formats.dialect import MISSING
 __all__ = ["are_stamps", "first_day", "is_stamp", "past_midnight", "seconds"]
 
 STAMP = re.compile(
-    r"(?:(?P<date>\d{4}-\d\d-\d\d|\d{4}/\d\d/\d\d|\d{1,2}\.\d{1,2}\.\d{4}|\d{1,2}/\d{1,2}/\d{4})[T ]\s*)?"
+    r"(?:(?P<date>\d{4}-\d\d-\d\d|\d{4}/\d\d/\d\d|\d{8}|\d{1,2}\.\d{1,2}\.(?:\d\d){1,2}|\d{1,2}/\d{1,2}/\d{4}"
+    r"|\d{1,2}[- ][a-z]{3}[- ]\d{4}|\d{1,6} days?)[T_ ]\s*)?"
     r"(?P<hour>\d{1,2}):(?P<minute>[0-5]\d):(?P<second>[0-5]\d(?:[.,]\d{1,12}|:\d{3})?)"
     r"(?:\s?(?P<half>[AP])\.?M\.?|(?P<zone>Z|\s?[+-]\d\d:?\d\d|\s?UTC))?",
     re.ASCII | re.IGNORECASE,
 )
 DAY = 86400.0
+MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
 
 def is_stamp(text: str) -> bool:
@@ -74,14 +76,25 @@ def past_midnight(t: Array) -> Array:
     return later
 
 
+def _date_part(text: str) -> int:
+    """Return a number of a date; a month may be a word, which is 0 if it is none."""
+    if text.isdigit():
+        return int(text)
+    return MONTHS.index(text.casefold()) + 1 if text.casefold() in MONTHS else 0
+
+
 def _ordinal(text: str | None) -> float | None:
     """Return the number of a day, 0 without a date, None for a date that does not exist."""
     if text is None:
         return 0.0
-    parts = [int(part) for part in re.split(r"[-./]", text)]
+    parts = [_date_part(part) for part in re.split(r"[-./ ]", text)]
+    if "day" in text:
+        return float(parts[0])
+    if len(parts) == 1:
+        parts = [parts[0] // 10000, parts[0] // 100 % 100, parts[0] % 100]
     if parts[0] > 31:
         year, month, day = parts
-    elif "." in text:
+    elif "/" not in text:
         day, month, year = parts
     else:
         month, day, year = parts

@@ -22,7 +22,10 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "current": ("current", "curr", "strom", "iq", "isq", "amps"),
     "voltage": ("voltage", "volt", "spannung", "uq", "pwm"),
     "acceleration": ("acceleration", "accel", "acc", "beschleunigung", "ddq", "qdd"),
-    "velocity": ("velocity", "veloc", "vel", "speed", "spd", "drehzahl", "geschwindigkeit", "omega", "rpm", "dq", "qd"),
+    "velocity": (
+        *("velocity", "veloc", "vel", "speed", "spd", "drehzahl", "geschwindigkeit", "omega", "rpm", "erpm"),
+        *("dq", "qd"),
+    ),
     "position": ("position", "pos", "angle", "winkel", "lage", "phi", "theta", "encoder", "enc", "weg"),
 }
 LETTERS = {"q": "position", "v": "velocity", "w": "velocity", "n": "velocity", "i": "current", "u": "voltage"}

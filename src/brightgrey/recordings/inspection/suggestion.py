@@ -70,12 +70,15 @@ class Suggestion:
     def command(self, path: str) -> str:
         """Return the complete command line."""
         words = ["brightgrey", "identify", path, "--input", self.options["input"], "--output", self.options["outputs"]]
-        for key, option in (("time", "--time"), ("dt", "--dt"), ("decimate", "--decimate")):
+        # What nothing says has a word in place of its number, so that nobody takes the number for granted.
+        words += ["--dt", "SECONDS"] if "dt" in self.options else []
+        for key, option in (("time", "--time"), ("decimate", "--decimate")):
             if key in self.options:
                 words += [option, f"{self.options[key]}"]
-        for key, option in (("units", "--unit"), ("counts", "--counts")):
-            for name, value in self.options.get(key, {}).items():
-                words += [option, f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"]
+        for name, value in self.options.get("units", {}).items():
+            words += ["--unit", f"{name}={value}"]
+        for name in self.options.get("counts", {}):
+            words += ["--counts", f"{name}=COUNTS"]
         return shlex.join(words)
 
 
@@ -88,18 +91,35 @@ def find_time(table: Table, values: Mapping[int, Array]) -> TimeChoice:
     named = [i for i in numbers if TIME_NAME.fullmatch(table.columns[i].name) and not table.columns[i].clock_time]
     broken = [c.name for i, c in enumerate(table.columns) if i not in values and TIME_NAME.fullmatch(c.name)]
     named = named or [i for i in numbers if table.columns[i].clock_time]
+    named = named or [i for i in numbers if table.columns[i].is_in_time]
     if len(named) == 1:
-        return TimeChoice(named[0], {}, usual_step(table, named[0], values))
+        return TimeChoice(named[0], {}, usual_step(table, named[0], values), _ask_time(table, named[0], numbers))
     likely = named or [i for i in numbers if TIME_LIKE.fullmatch(table.columns[i].name)] or list(numbers)
     even = [i for i in likely if is_even_time(numbers[i])]
-    even.sort(key=lambda i: bool((numbers[i] == np.rint(numbers[i])).all()))  # a count of samples comes last
-    if even:
+    even.sort(key=lambda i: _says_no_unit(table, i, numbers))  # a count of samples or ticks comes last
+    if even and not _says_no_unit(table, even[0], numbers):
         reference = ReadChannels(table, {}, {}, {}).reference(even[0])
-        dt = usual_step(table, even[0], values)
-        counts = f"'{reference}' may count samples: give --dt instead of --time then" if dt == 1.0 else ""
-        return TimeChoice(even[0], {"time": reference}, dt, counts)
+        return TimeChoice(even[0], {"time": reference}, usual_step(table, even[0], values))
     why = f"column '{broken[0]}' is no time" if broken else "the sampling interval is not in the file"
-    return TimeChoice(None, {"dt": 1.0}, 1.0, f"{why}: put the sampling interval in place of 1 in --dt")
+    if even:
+        name, step = table.columns[even[0]].name, float(np.median(np.diff(numbers[even[0]])))
+        why += f" ('{name}' rises by {step:g} in every row, and no unit says what that is)"
+    return TimeChoice(None, {"dt": 1.0}, 1.0, f"{why}: put it in place of SECONDS in --dt")
+
+
+def _says_no_unit(table: Table, column: int, values: Mapping[int, Array]) -> bool:
+    """Return True for whole numbers without a unit of time, which may count samples or ticks of a clock."""
+    known = table.columns[column].unit or table.columns[column].time_unit()[1]
+    return not known and bool((values[column] == np.rint(values[column])).all())
+
+
+def _ask_time(table: Table, column: int, values: Mapping[int, Array]) -> str:
+    """Return the question for the unit of a time of whole numbers; empty where the file gives it."""
+    if table.columns[column].clock_time or not _says_no_unit(table, column, values):
+        return ""
+    name = ReadChannels(table, {}, {}, {}).reference(column)
+    step = float(np.median(np.diff(values[column][np.isfinite(values[column])])))
+    return f"steps of {step:g} of '{name}' are taken as s, as no unit is in the file: --unit '{name}=ms' makes them ms"
 
 
 def usual_step(table: Table, column: int, values: Mapping[int, Array]) -> float:
@@ -118,12 +138,19 @@ def suggest(channels: ReadChannels, time: TimeChoice) -> Suggestion | str:
     whose motion explains most of the input. Of those that explain nearly as much it is the one that moves most.
     """
     changing = channels.changing()
+    rows, width = channels.table.rows.size, len(channels.table.columns)
+    if rows < READING.min_samples and rows < width:
+        return f"there are {rows} rows and {width} columns: a channel has to be a column, so turn the table round"
     outputs = _best(changing, lambda i: _output_rank(channels.meanings[i]))
     if not outputs:
-        return "no channel looks like a position or a velocity: name it by --output NAME:KIND"
+        return "no channel looks like a position or a velocity: name it by --output NAME:KIND" + _text_of(
+            channels, ("position", "velocity", "acceleration")
+        )
     inputs = _best([i for i in changing if i not in outputs], lambda i: _input_rank(channels.meanings[i]))
     if not inputs:
-        return "no channel looks like a torque, a force, a current or a voltage: name it by --input"
+        return "no channel looks like a torque, a force, a current or a voltage: name it by --input" + _text_of(
+            channels, DRIVING
+        )
     pairs = [(u, y) for u in inputs[:TRIED] for y in outputs[:TRIED]]
     name = {i: channels.table.columns[i].name for i in (*inputs, *outputs)}
     same = [(u, y) for u, y in pairs if index_of(name[u]) == index_of(name[y])]
@@ -140,6 +167,14 @@ def suggest(channels: ReadChannels, time: TimeChoice) -> Suggestion | str:
     why.append(f"the motion explains {100 * max(parts[u, y], 0.0):.0f} % of the input's variance")
     options, questions = _options(channels, u, finer, time)
     return Suggestion(options, tuple(why), tuple(question for question in questions if question))
+
+
+def _text_of(channels: ReadChannels, quantities: Sequence[str]) -> str:
+    """Return why channels that are called so do not count: a cell that is no number. Empty if there are none."""
+    texts = {i: p.text for i, p in channels.profiles.items() if p.text}
+    found = (text for i, text in texts.items() if channels.meanings[i].quantity in quantities)
+    fault = next(found, "").partition(": ")[2]
+    return f". {fault[:1].upper()}{fault[1:]}" if fault else ""
 
 
 def _best(columns: Sequence[int], rank: Any) -> list[int]:
@@ -203,21 +238,30 @@ def _ask_input(channels: ReadChannels, u: int, name: str, units: dict[str, str])
     quantity, given = channels.meanings[u].quantity, channels.table.columns[u].unit
     if given and not is_unit(given):
         return [_ask_unit(name, units, UNITS.get(quantity, "N m"), f"unit '{given}' of '{name}' is not known")]
-    unit = parse_unit(given).text if given else unit_in_name(channels.table.columns[u].name)
-    if unit == "%":
-        return [
-            f"what 100 % of '{name}' are is not in the file: add --rated '{name}=VALUE UNIT', else results are in %"
-        ]
-    asked = []
+    unit = parse_unit(given).text if given else _fitting_unit(channels.table.columns[u].name, quantity)
     if not given and unit:
         units[name] = unit
-    elif not given:
+    if unit and parse_unit(unit).is_part:
+        return [
+            f"what 100 % of '{name}' are is not in the file: add --rated '{name}=VALUE UNIT', else results are in"
+            f" {unit}"
+        ]
+    asked = []
+    if not unit:
         asked = [_ask_unit(name, units, UNITS.get(quantity, "N m"), f"the unit of '{name}' is not in the file")]
     if quantity == "current":
         asked.append(
             f"'{name}' is a current: --torque-constant 'VALUE N m/A' makes it a torque, else results are per A"
         )
     return asked
+
+
+def _fitting_unit(name: str, quantity: str) -> str | None:
+    """Return the unit that the name of an input ends in, unless it is that of another quantity: ``current_in``."""
+    written = unit_in_name(name)
+    unit = parse_unit(written) if written else None
+    right = unit and (unit.is_part or unit.dimension == parse_unit(UNITS.get(quantity, "1")).dimension)
+    return written if right or not quantity else None
 
 
 def _ask_unit(name: str, units: dict[str, str], unit: str, why: str) -> str:
@@ -235,7 +279,9 @@ def _ask_output(
     known = parse_unit(given) if given and is_unit(given) else None
     if known is not None and ("[count]", 1) in known.dimension:
         options["counts"] = {name: 1.0}
-        return [f"how many increments make a turn is not in the file: put it in place of 1 in --counts '{name}=1'"]
+        return [
+            f"how many increments make a turn is not in the file: put it in place of COUNTS in --counts '{name}=COUNTS'"
+        ]
     if known is not None and base_of(known, kind) is not None:
         return []
     if known is None and not given and written and base_of(parse_unit(written), kind) is not None:
