@@ -89,6 +89,40 @@ def test_functions__wrong_argument__is_refused_by_name(name):
         wrong()
 
 
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        (lambda: made(unit={"u": "N m"}), "recording_from() has no argument 'unit'. Did you mean 'units'?"),
+        (lambda: read_recording("a.csv", input="u", output="v"), "no argument 'output'. Did you mean 'outputs'?"),
+        (lambda: export(MODEL, "c"), "export(): missing a required argument: 'folder'"),
+    ],
+)
+def test_functions__argument_that_they_have_not__names_function_and_nearest(wrong, says):
+    with pytest.raises(TypeError, match=re.escape(says)):
+        wrong()
+
+
+@pytest.mark.parametrize("start", [np.datetime64("2024-02-28T23:59:59.9"), np.timedelta64(0, "ns")])
+def test_recording_from__dates_and_times__are_seconds_from_the_first(start):
+    stamps = start + (K * 1_000_000).astype("timedelta64[ns]")
+    recording = recording_from({**COLUMNS, "t": stamps}, input="u", outputs="v")
+    assert recording.dt == pytest.approx(1e-3)
+    assert recording.t[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        (COLUMNS | {"v": np.ones((200, 2))}, r"column 'v': .* \(200, 2\) came; give each of its columns a name"),
+        (COLUMNS | {"v": np.ones((200, 1))}, r"\(200, 1\) came; give x\.ravel\(\)"),
+        (COLUMNS | {"v": ["0,5"] * 200}, r"real numbers are expected \(.*0,5"),
+    ],
+)
+def test_recording_from__column_of_another_kind__says_what_came(columns, says):
+    with pytest.raises(BrightgreyError, match=says):
+        recording_from(columns, input="u", outputs="v")
+
+
 def test_functions__numbers_of_numpy__are_taken():
     recording = made(decimate=np.int64(1), input_gain=np.float32(2.0), gear={"v": np.float64(2.0)})
     assert recording.u[3] == pytest.approx(2.0 * np.sin(0.3))

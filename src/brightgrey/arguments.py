@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Mapping
 from numbers import Integral, Real
 from typing import Any, ParamSpec, TypeVar
 
-from brightgrey.errors import SettingsError
+from brightgrey.errors import SettingsError, nearest
 
 __all__ = ["bind_checked", "checked_arguments"]
 
@@ -85,7 +85,8 @@ RULES: Mapping[str, tuple[Rule, str]] = {
     **dict.fromkeys(("model", "start"), _MODEL),
     "structure": (lambda value: isinstance(value, str) or _is_a(value, "Structure"), "a text like 'one_mass+coulomb'"),
     **dict.fromkeys(("path", "folder"), _PATH),
-    **dict.fromkeys(("input", "time", "hold", "contact", "to", "torque_constant", "name"), _TEXT),
+    **dict.fromkeys(("input", "time", "hold", "contact", "to", "name"), _TEXT),
+    "torque_constant": (_TEXT[0], "a text like '0.05 N m/A'"),
     **dict.fromkeys(("delimiter", "decimal", "initial", "level", "estimator", "grammar", "loop"), _TEXT),
     "beside": (
         lambda value: isinstance(value, Collection) and not isinstance(value, str) and all(map(_is_path, value)),
@@ -102,8 +103,10 @@ RULES: Mapping[str, tuple[Rule, str]] = {
     "columns": (lambda value: hasattr(value, "keys"), "arrays by name, like {'t': ..., 'torque': ...}"),
     **dict.fromkeys(("require", "exclude", "profile", "decide", "per_recording"), _TEXTS),
     "bounds": (lambda value: _maps_to(value, _is_range), "pairs by parameter, like {'J1': (0.001, 0.1)}"),
-    **dict.fromkeys(("fixed", "counts", "gear", "shift", "limits", "controller"), _NUMBERS),
-    **dict.fromkeys(("units", "rated"), _UNITS),
+    **dict.fromkeys(("fixed", "limits", "controller"), _NUMBERS),
+    **dict.fromkeys(("counts", "gear", "shift"), (_NUMBERS[0], "numbers by column, like {'position': 4096}")),
+    "units": _UNITS,
+    "rated": (_UNITS[0], "texts by column, like {'torque': '9.84 mN m'}"),
     **dict.fromkeys(("starts", "workers", "decimate", "draws"), _COUNT),
     "seed": (lambda value: isinstance(value, Integral) and _is_whole(value, 0), "a whole number from 0"),
     "search": (lambda value: isinstance(value, str) or _is_a(value, "GeneticSettings"), "a name like 'auto'"),
@@ -111,6 +114,18 @@ RULES: Mapping[str, tuple[Rule, str]] = {
     **dict.fromkeys(("speed", "torque", "sampling_time", "computing_time", "settling_time"), _NUMBER),
 }
 """Rule by the name of a parameter, and what it expects, in words."""
+
+
+def _refuse_unknown(function: str, signature: inspect.Signature, named: Collection[str]) -> None:
+    """Refuse names of arguments that a function has not (TypeError), with the nearest right one."""
+    declared = signature.parameters.values()
+    if any(parameter.kind is inspect.Parameter.VAR_KEYWORD for parameter in declared):
+        return
+    for name in named:
+        if name not in signature.parameters:
+            guess = nearest(name, signature.parameters)
+            hint = f" Did you mean '{guess}'?" if guess else f" It has {', '.join(signature.parameters)}"
+            raise TypeError(f"{function}() has no argument '{name}'.{hint}")
 
 
 def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
@@ -130,7 +145,11 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
 def bind_checked(function: Callable[..., Any], *given: Any, **named: Any) -> dict[str, Any]:
     """Return the arguments of a call by name, defaults included; refuse what `RULES` does not expect."""
     signature = inspect.signature(function)
-    bound = signature.bind(*given, **named)
+    _refuse_unknown(function.__name__, signature, named)
+    try:
+        bound = signature.bind(*given, **named)
+    except TypeError as error:
+        raise TypeError(f"{function.__name__}(): {error}") from None
     for name, value in bound.arguments.items():
         default = signature.parameters[name].default
         if name in RULES and value is not default and not RULES[name][0](value):

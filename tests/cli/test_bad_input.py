@@ -34,6 +34,19 @@ CASES = {
     "device as folder": (("identify", "good.csv", *GOOD, "--out", "pipe"), ["'pipe' is a device or a pipe"]),
     "device as model": (("analyse", "pipe"), ["model file 'pipe': it is a device or a pipe"]),
     "device as manifest": (("fleet", "pipe", *GOOD), ["manifest 'pipe': it is a device or a pipe"]),
+    "no file": (("inspect",), ["Missing argument 'FILE'. For example: brightgrey inspect axis.csv"]),
+    "folder as recording": (("inspect", "."), ["this is a folder, not a recording; name a file in it, e.g. back.csv"]),
+    "address as recording": (("inspect", "https://a.org/b.csv"), ["this is an address; download the file first"]),
+    "word as interval": (("check", "good.csv", "--dt", "SECONDS"), ["'--dt'", "a number is expected; 'SECONDS' came"]),
+    "folder as model": (("analyse", "."), ["Is a directory; name the model.json in it"]),
+    "recording as model": (("analyse", "good.csv"), ["is not JSON", "the model.json of an identification is wanted"]),
+    "folder as manifest": (("fleet", ".", *GOOD), ["name the CSV or TOML file that lists the axes"]),
+    "effect as argument": (("effects", "backlash"), ["extra argument", "For example: brightgrey effects"]),
+    "commas in a structure": (
+        ("identify", "good.csv", *GOOD[:5], "one_mass,coulomb"),
+        ["effects are joined by +, like one_mass+coulomb"],
+    ),
+    "unit before its column": (("check", "good.csv", *GOOD[:4], "--unit", "rpm=speed"), ["write 'speed=rpm'"]),
     "absurd interval": (("check", "good.csv", *GOOD[:4], "--dt", "1e308", "--window", "0:5"), ["1e+308 s"]),
     "gain too small": (("identify", "good.csv", *GOOD, "--input-gain", "1e-308"), ["'torque' reaches", "no drive"]),
     "blanks in a structure": (("identify", "good.csv", *GOOD[:5], "one_mass", "+", "coulomb"), ["needs quotes"]),
@@ -148,3 +161,13 @@ def test_folder_that_may_not_be_written_to(place, call):
     done = call("identify", "good.csv", *GOOD, "--out", "locked/out")
     assert done.code == 2
     assert "no permission" in done.err
+
+
+def test_identify__wrong_column__is_told_before_the_simulator_is_compiled(place, call, monkeypatch):
+    def compile_kernel(*, silent):
+        raise AssertionError("compiled")
+
+    monkeypatch.setattr("brightgrey.cli.terminal.compilation.compile_kernel", compile_kernel)
+    done = call("identify", "good.csv", "--input", "torqe", *GOOD[2:])
+    assert done.code == 2
+    assert "Did you mean 'torque'?" in done.err

@@ -111,8 +111,8 @@ def watch(
     from brightgrey.api.control import watch as run
     from brightgrey.api.simulation import read_for
 
+    before, now = (read_for(loaded, f, time=time, dt=dt, units=given) for f in (baseline, recording))
     with show.working("looking for faults", silent=quiet or json):
-        before, now = (read_for(loaded, f, time=time, dt=dt, units=given) for f in (baseline, recording))
         found = run(loaded, now, baseline=before, min_change=min_change, confidence=confidence)
     show_work.show_watch(found, quiet=quiet, json=json)
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -72,19 +72,19 @@ def identify(
     with (
         stop_on_signal(searching=structure is None) as stop,
         run.workforce.executor() as executor,
+        nullcontext(_read(columns, recordings, further.test_recording)) as data,
         _progress(structure, silent=quiet or json) as progress,
     ):
         stored = identify_resumable(
             out,
-            columns.read_all(recordings),
-            structure,
+            structure=structure,
+            **data,
             search=settings or structures.search,
             grammar=structures.grammar,
             require=structures.require or (),
             exclude=structures.exclude or (),
             progress=progress,
             start=load_model(further.start) if further.start else None,
-            test=columns.read(further.test_recording) if further.test_recording else None,
             estimator=estimator,
             **further.lists(),
             seed=run.seed,
@@ -101,6 +101,15 @@ def identify(
     show.stored(stored, out, quiet=quiet, json=json, verbose=verbose)
     if stored.stopped:
         stop.exit_with_signal()
+
+
+def _read(columns: RecordingOptions, recordings: Sequence[Path], test: Path | None) -> dict[str, Any]:
+    """Return the recordings and the one to test with, as arguments.
+
+    They are read before the simulator is compiled, since a user waits for that after an installation, and would then
+    be told of a wrong name.
+    """
+    return {"recordings": columns.read_all(recordings), "test": columns.read(test) if test else None}
 
 
 @contextmanager

@@ -130,7 +130,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrightgreyError as error:
         return _fail(str(error))
     except UsageProblem as error:
-        return _fail(error.format_message() + _what_came(error, given))
+        message = error.format_message().replace(*NO_NUMBER)
+        return _fail(f"{message}{_what_came(error, given)}{_example(message, given)}")
     except BrokenPipeError:
         # The reader has seen enough (``| head``). Python flushes once more at exit: to nowhere.
         with contextlib.suppress(OSError, ValueError):
@@ -145,6 +146,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not given:
         return 2
     return code if isinstance(code, int) else 0
+
+
+NO_NUMBER = ("Input should be a valid number, unable to parse string as a number", "a number is expected")
+"""Words of a library for what is no number, and plain ones."""
+
+
+def _example(message: str, given: Sequence[str]) -> str:
+    """Return how the command is used, after a message about arguments that are missing or too many."""
+    known = {command.__name__.removeprefix("open_"): examples[0] for command, examples in COMMANDS.items()}
+    if not message.startswith(("Missing", "Got unexpected")) or not given or given[0] not in known:
+        return ""
+    return f"{'' if message.endswith('.') else '.'} For example: {known[given[0]]}"
 
 
 def _what_came(error: typer.BadParameter, given: Sequence[str]) -> str:

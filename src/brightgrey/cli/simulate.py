@@ -41,8 +41,9 @@ def simulate(
     from brightgrey.api.simulation import read_for
     from brightgrey.api.simulation import simulate as simulate_model
 
+    measured = read_for(loaded, recording, time=time, dt=dt, units=given)
     with show.working("simulating", silent=quiet or json):
-        simulation = simulate_model(loaded, read_for(loaded, recording, time=time, dt=dt, units=given))
+        simulation = simulate_model(loaded, measured)
         if out:
             write_file(out, simulation.trace.csv_text().encode())
     show.simulation(simulation, out, quiet=quiet, json=json)

@@ -123,6 +123,8 @@ class Structure:
         StructureError
             For unknown effects, wrong places or effects that are named twice.
         """
+        if "+" not in text and len(words := re.split(r"[,;&|\s]+", text.strip())) > 1 and words[0] in registry():
+            raise StructureError(f"'{text}': effects are joined by +, like {'+'.join(words)}")
         return cls.of(text.split("+"))
 
     @property

@@ -222,16 +222,19 @@ def load_model(path: str | Path) -> Model:
             raise OSError(0, "it is a device or a pipe")
         data = json.loads(file.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except FileNotFoundError:
-        raise SettingsError(f"no model file '{path}'") from None
+        raise SettingsError(f"no model file '{path}'; identify writes it as DIR/model.json") from None
     except OSError as error:
-        raise SettingsError(f"cannot read model file '{path}': {error.strerror}") from None
+        hint = "; name the model.json in it" if isinstance(error, IsADirectoryError) else ""
+        raise SettingsError(f"cannot read model file '{path}': {error.strerror}{hint}") from None
     except UnicodeDecodeError:
         raise SettingsError(f"model file '{path}' is not text; a model.json is wanted") from None
     except RecursionError:
         raise SettingsError(f"model file '{path}' is nested too deeply for a model.json") from None
     except json.JSONDecodeError as error:
         place = f"line {error.lineno} column {error.colno}"
-        raise SettingsError(f"model file '{path}' is not JSON: {error.msg} at {place}") from None
+        raise SettingsError(
+            f"model file '{path}' is not JSON: {error.msg} at {place}; the model.json of an identification is wanted"
+        ) from None
     except ValueError as error:  # parse_constant
         raise SettingsError(f"model file '{path}': {error}") from None
     try:

@@ -56,7 +56,8 @@ def _sqlite_errors_named(folder: Path) -> Iterator[None]:
     except UnicodeDecodeError as error:  # SQLite's message quotes the damaged text
         raise damaged(folder, "its schema is no text") from error
     except OSError as error:
-        raise RunError(f"cannot keep the run in '{folder}': {error.strerror or error}") from error
+        text = f"{error.strerror or error}; name another folder"
+        raise RunError(f"cannot keep the run in '{folder}': {text}") from error
 
 
 def damaged(folder: Path, what: str) -> RunError:

@@ -81,7 +81,8 @@ def _read_text(path: Path) -> str:
     except FileNotFoundError:
         raise SettingsError(f"no manifest '{path}'") from None
     except OSError as error:
-        raise SettingsError(f"cannot read manifest '{path}': {error.strerror}") from None
+        hint = "; name the CSV or TOML file that lists the axes" if isinstance(error, IsADirectoryError) else ""
+        raise SettingsError(f"cannot read manifest '{path}': {error.strerror}{hint}") from None
     except UnicodeDecodeError:
         raise SettingsError(f"manifest '{path}' is not text; CSV or TOML is wanted") from None
 
