@@ -182,11 +182,12 @@ class Detectability:
         return None if confounder is None else (confounder,)
 
     def detection_limit(
-        self, structure: Structure, effect: str, size: Mapping[str, float]
+        self, structure: Structure, effect: str, size: Mapping[str, float], known: Mapping[str, float]
     ) -> Mapping[str, float] | None:
         """Size of `effect` that would be found beside `structure` by its power: `size`, doubled until it is.
 
-        None if that is beyond its bounds, or if nothing is its size.
+        At least the one that is `known` beside another structure. None if it is beyond its bounds, or if nothing is its
+        size.
         """
         placed, task = Placed.parse(effect), self.refined.task
         parameter = next((q for q in placed.effect.parameters if q.size), None)
@@ -194,7 +195,7 @@ class Detectability:
             return None
         name = placed.parameter(parameter.symbol)
         low, high = task.bounds.get(name) or parameter.bounds(task.scales)
-        grown = dict(size)
+        grown = {**size, name: float(np.copysign(max(abs(size[name]), known.get(name, 0.0)), size[name]))}
         while name not in task.fixed and low <= grown[name] <= high:
             if self.hidden_by(structure, effect, grown) is None:
                 return grown

@@ -252,13 +252,14 @@ def _refuted(case: _Case, effect: str, gain: float) -> Reason:
 
 def _detection_limit(case: _Case, effect: str, structures: Sequence[Structure]) -> tuple[Size, ...]:
     """Size from which on the recording would have shown an effect beside all structures; empty if there is none."""
-    d = case.detectability
-    asked = [(s, least) for s in structures for least in d.relevant_sizes(s, effect)]
-    found = [d.detection_limit(structure, effect, least) for structure, least in asked]
-    sizes = [{name: abs(value) for name, value in size.items()} for size in found if size]
-    if len(sizes) < len(found):
-        return ()
-    return size_in_units(case.units, effect, [max(sizes, key=lambda size: list(size.values()))])
+    d, largest = case.detectability, dict[str, float]()
+    for structure in structures:
+        for least in d.relevant_sizes(structure, effect):
+            found = d.detection_limit(structure, effect, least, largest)
+            if not found:
+                return ()
+            largest = {name: abs(value) for name, value in found.items()}
+    return size_in_units(case.units, effect, [largest]) if largest else ()
 
 
 def _below_sampling(case: _Case, structure: Structure, effect: str) -> Reason | None:
