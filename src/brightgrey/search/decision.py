@@ -297,12 +297,12 @@ def predict_left_out(task: IdentificationTask, structure: Structure, values: Map
     """Mean fit in percent of each recording by a model that was fitted to the others, from `values`."""
     fits = []
     for k, recording in enumerate(task.recordings):
-        others = replace(task, recordings=(*task.recordings[:k], *task.recordings[k + 1 :]), fine=())
+        others = replace(task, recordings=(*task.recordings[:k], *task.recordings[k + 1 :]))
         problem, space = others.problem_and_space(structure)
         start = [values.get(n, v) for n, v in zip(space.names, space.start, strict=True)]
         end = polish(problem, space, others.settings, np.clip(start, space.low, space.high), tolerance=1e-4)
         found = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-        alone = replace(task, recordings=(recording,), fine=())
+        alone = replace(task, recordings=(recording,))
         (misfit,) = alone.misfits(structure, {n: np.array([found[n]]) for n in structure.parameters})
         fits.append(misfit.fit_percent)
     return float(np.mean(fits))

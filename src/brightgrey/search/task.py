@@ -41,7 +41,6 @@ class IdentificationTask:
     friction_width: Nuisance | None = None  #: None if the settings give it.
     drift: bool = False  #: Long recordings have a drift each, a nuisance.
     per_recording: tuple[str, ...] = ()  #: Parameters that may differ between the recordings.
-    fine: tuple[Recording, ...] = ()  #: The recordings with all samples, if these are a part of them.
 
     def check(self, grammar: Grammar) -> None:
         """Refuse bounds and values of parameters that no structure of `grammar` has (SettingsError)."""
@@ -77,7 +76,6 @@ class IdentificationTask:
                 friction_width=self.friction_width,
                 drift=self.drift,
                 per_recording=self.per_recording,
-                fine=self.fine,
             )
         return self._problems[structure]
 

@@ -60,10 +60,9 @@ def with_regressed_sizes(
         SI, within the bounds. Inertias keep their ratios, and so do sizes of one kind at several masses. None if no
         size is free, or if the first output of a recording has no sign, is an acceleration, or does not move.
     """
-    recordings = problem.fine or problem.recordings
-    examined = [e for e in map(_motion_of, recordings) if e is not None]
+    examined = [e for e in map(_motion_of, problem.recordings) if e is not None]
     free = [names for names in _sizes_by_kind(problem.structure) if set(names) <= set(space.names)]
-    if len(examined) < len(recordings) or not samples.size or not free:
+    if len(examined) < len(problem.recordings) or not samples.size or not free:
         return None
     values, out = space.named(samples), samples.copy()
     for widths, which in _by_width(problem.structure, values, examined, options).items():
@@ -101,9 +100,8 @@ def with_waves(
     """
     out, structure = samples.copy(), problem.structure
     waves = [(g, wave) for g in torque_kinds(structure) if (wave := g[0].effect.search.wave) is not None]
-    recordings = problem.fine or problem.recordings
-    examined = [e for e in map(_motion_of, recordings) if e is not None] if waves else []
-    if not (examined and out.size) or len(examined) < len(recordings):
+    examined = [e for e in map(_motion_of, problem.recordings) if e is not None] if waves else []
+    if not (examined and out.size) or len(examined) < len(problem.recordings):
         return out
     first = space.named(samples[:, :1])
     f_tanh = 1.0 / first[FRICTION_WIDTH] if FRICTION_WIDTH in first else np.array([settings.f_tanh])

@@ -172,7 +172,6 @@ class SimulationErrorProblem:
     drifts: tuple[Nuisance, ...] = ()  #: Of the long recordings, if they are estimated.
     deviations: tuple[Nuisance, ...] = ()  #: Of parameters that may differ between the recordings.
     skews: tuple[Nuisance, ...] = ()  #: Of the outputs but the first one, if they are estimated.
-    fine: tuple[Recording, ...] = ()  #: The recordings with all samples, if these are a part of them.
 
     @classmethod
     def of(
@@ -184,12 +183,10 @@ class SimulationErrorProblem:
         friction_width: Nuisance | None = None,
         drift: bool = False,
         per_recording: Collection[str] = (),
-        fine: Sequence[Recording] = (),
     ) -> Self:
         """Problem with weights from the noise of the recordings; `initial` as for :meth:`InitialState.of`.
 
         With `drift`, long recordings have one each. Parameters named in `per_recording` may differ between them.
-        Torques are balanced on `fine` recordings, if `recordings` are a part of their samples.
         """
         noise = np.median([output_noise(r) for r in recordings], axis=0)
         spread = np.max([r.y.std(axis=1) for r in recordings], axis=0)
@@ -208,7 +205,6 @@ class SimulationErrorProblem:
             friction_width=friction_width if structure.has_dry_friction else None,
             drifts=drifts_of(recordings, tags) if drift else (),
             deviations=deviations_of(structure, recordings, tags, per_recording),
-            fine=tuple(fine),
         )
 
     @property

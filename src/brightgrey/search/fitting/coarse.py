@@ -24,9 +24,7 @@ __all__ = ["coarse_task", "decimated"]
 def coarse_task(task: IdentificationTask, policy: CoarsePolicy = COARSE) -> IdentificationTask:
     """The task with every k-th sample, for the largest k that all recordings allow; `task` itself if that is 1."""
     factor = min(_largest_factor(r, task.scales.inertia, policy) for r in task.recordings)
-    if factor == 1:
-        return task
-    return replace(task, recordings=tuple(decimated(r, factor) for r in task.recordings), fine=task.recordings)
+    return task if factor == 1 else replace(task, recordings=tuple(decimated(r, factor) for r in task.recordings))
 
 
 def decimated(recording: Recording, factor: int) -> Recording:
