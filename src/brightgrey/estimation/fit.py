@@ -19,6 +19,7 @@ from brightgrey.estimation.diagnostics.informativity import recording_findings
 from brightgrey.estimation.diagnostics.instability import instability_findings
 from brightgrey.estimation.diagnostics.outcome import FitContext, Outcome, outcome_of, unfitted
 from brightgrey.estimation.diagnostics.second_opinion import TermOpinion, contradictions, second_opinion
+from brightgrey.estimation.diagnostics.short_periods import short_period_findings
 from brightgrey.estimation.diagnostics.symptoms import Symptom, symptoms
 from brightgrey.estimation.noise.residual_analysis import nrmse_fit_percent
 from brightgrey.estimation.optimisation.least_squares import Optimum, OptimumWithJacobian, fit_to_convergence
@@ -234,6 +235,7 @@ def fit(
     opinions = () if uninformative else second_opinion(structure, values, recordings, final.f_tanh)
     of_values = (*cautions(structure, named, recordings, known, final), *contradictions(opinions))
     unstable = instability_findings(problem, space.by_name(best.values), final)
+    unstable += short_period_findings(problem, space.by_name(best.values), best.residual)
     beside = (*on_recordings, *equivalent, *of_values, *chaotic, *unstable)
     outcome = outcome_of(context, beside)
     return Fit(
