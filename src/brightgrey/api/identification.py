@@ -40,6 +40,7 @@ from brightgrey.version import __version__
 __all__ = ["identify"]
 
 _PATIENCE = 8  # of the multistart of a given structure
+_PATIENCE_AFTER_SEARCH = 0  # the search has made multistarts itself
 
 
 @checked_arguments
@@ -106,7 +107,7 @@ def identify(
         noise leaves open. ``auto`` is at rest unless the first samples clearly move, then
         estimated.
     starts : int
-        Number of start points in each field of them; see :func:`brightgrey.estimation.fit`. A search has its own.
+        Number of start points in each field of them; see :func:`brightgrey.estimation.fit`.
     seed : int
         Seed of all random draws. The same seed gives the same bytes, for any number of workers.
     workers : int
@@ -172,7 +173,6 @@ def identify(
         found = search_structure(task, request)
     chosen = found.structure if found else function_set().check(cast("Structure", named))
     constants = task.fixed_of(chosen)
-    decided = found is not None and found.evidence is not None  # the verdicts rest on the optimum of the search
     fit = estimation.fit(
         chosen,
         several,
@@ -180,8 +180,8 @@ def identify(
         fixed=constants,
         f_tanh=None if task.friction_width else task.settings.f_tanh,
         start=found.values if found else start_si(chosen, start, several[0].units, constants),
-        starts=1 if decided else starts,
-        patience=0 if found else _PATIENCE,
+        starts=starts,
+        patience=_PATIENCE_AFTER_SEARCH if found else _PATIENCE,
         seed=seed,
         level=level,
         estimator=one_of("estimator", estimator, ESTIMATORS),

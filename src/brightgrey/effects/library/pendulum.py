@@ -42,11 +42,11 @@ def sample_pendulums(scales: Scales, share: Array) -> Array:
 
 
 def largest_wave_number(scales: Scales) -> float:
-    """Two samples per period at the largest speed, and at most 500 periods over the travel; never below ten periods.
+    """Four samples per period at the largest speed, and at most 500 periods over the travel; never below ten periods.
 
     An eccentric load that turns on and on has many periods over its travel, and so has the cogging of a linear motor.
     """
-    sampled = np.pi / (scales.speed * scales.interval)
+    sampled = 0.5 * np.pi / (scales.speed * scales.interval)
     return float(np.clip(sampled, 20.0 * np.pi / scales.travel, 1000.0 * np.pi / scales.travel))
 
 

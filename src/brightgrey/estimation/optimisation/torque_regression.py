@@ -108,7 +108,7 @@ def with_waves(
     ((widths, _),) = _by_width(structure, first, examined, options).items()
     motions = [e.motion_smoothed(0, width) for e, width in zip(examined, widths, strict=True)]
     fastest = max(float(np.abs(motion.velocity).max()) for motion in motions)
-    highest = np.pi / (fastest * max(r.dt for r in problem.recordings))  # two samples per period at the largest speed
+    highest = 0.5 * np.pi / (fastest * max(r.dt for r in problem.recordings))  # four samples per period
     for group, symbols in waves:
         rows = [[p.parameter(symbol) for p in group] for symbol in symbols]
         if not {name for names in rows for name in names} <= set(space.names):
