@@ -1,8 +1,8 @@
 """Power of a motion to decide open questions, and its information on the parameters.
 
 Between a truth and a rival a likelihood ratio test decides. Its noncentrality is the whitened sum of squares that
-remains between both when the rival is fitted to the truth, to the recordings so far and to the new motion jointly. It
-is the T-criterion of Atkinson and Fedorov (1975, doi:10.1093/biomet/62.1.57), here for dynamic models with coloured
+remains between both. The rival is fitted to the truth, to the recordings so far and to the new motion jointly. It is
+the T-criterion of Atkinson and Fedorov (1975, doi:10.1093/biomet/62.1.57), here for dynamic models with coloured
 noise.
 """
 

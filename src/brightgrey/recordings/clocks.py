@@ -3,8 +3,8 @@
 The rules:
 
 1. The clock is that of the slowest output, over the time that all channels share.
-2. An input that is sampled faster is replaced by what drives a model alike: the least-squares straight lines between
-   the instants of the clock, or with zero-order hold its mean over each interval.
+2. An input that is sampled faster is replaced by what drives a model alike. These are the least-squares straight lines
+   between the instants of the clock, or with zero-order hold its mean over each interval.
 3. All other channels are interpolated, an input with zero-order hold by its last value.
 
 The cost is told with each: what the new samples cannot show of the old ones, as a part of their standard deviation.

@@ -50,7 +50,7 @@ def compare(
 
     The null hypothesis: a quantity is normal over the siblings, and each estimate adds its own normal error. The
     distribution of the largest deviation is drawn under it with the same errors, and with spreads from none to much
-    larger than the errors: a few siblings do not tell their own spread, so that the largest threshold counts. The
+    larger than the errors. A few siblings do not tell their own spread, so that the largest threshold counts. The
     chance is divided among the quantities as if they were independent (Sidak 1967,
     doi:10.1080/01621459.1967.10482935).
 

@@ -2,8 +2,8 @@
 
 A structure may have missed its optimum because all its neighbours had. If the best residual is neither white nor within
 the trusted accuracy, the leading structures without a hard limit are restarted first, since that costs little. Then the
-largest structures with a hard limit are, fewest masses first, and then the leading ones, until it has cost more than
-half of all effort before without a gain.
+largest structures with a hard limit are, fewest masses first, and then the leading ones. That ends when it has cost
+more than half of all effort before without a gain.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ _Seeking = Callable[[Structure], None]
 def find_missed_optima(fits: FitTable, workers: Executor, seeking: _Seeking | None = None) -> None:
     """Fit structures from everywhere until the best residual is white, or that seems to be in vain.
 
-    Those without laws of two ports that lead; then the largest structure with such laws of every number of masses,
-    fitted before or not, the fewest first: the next one begins where it has ended. Where that brings something, and
-    the law takes off a good part of what is left without it, more is looked for. Then in those with such laws that
-    lead; they have no more effects than they need.
+    Those that lead without laws of two ports come first. Then comes the largest structure with such laws of every
+    number of masses, fewest first. It is fitted before or not, and the next one begins where it has ended. Where that
+    brings something, and the law takes off a good part of what is left without it, more is looked for. The last are
+    those with such laws that lead. They have no more effects than they need.
 
     Parameters
     ----------

@@ -151,8 +151,9 @@ class LatticeEvaluator:
         """Return False if a structure cannot reach the best value of the criterion.
 
         Its cost is at least that of the best fit that contains it, and at least `cost`, the optimum that it is offered.
-        All structures may win where no such bound holds: if no fit contains the structure, if the criterion weighs
-        several outputs, if the user has bounded or fixed a parameter, and until missed optima have been looked for.
+        All structures may win where no such bound holds. That is so if no fit contains the structure, if the criterion
+        weighs several outputs, or if the user has bounded or fixed a parameter. Until missed optima have been looked
+        for, it holds for none.
         """
         fits, task = self.fits, self.fits.task
         if not self._searched_missed or len(self._weights) > 1 or task.bounds or task.fixed:

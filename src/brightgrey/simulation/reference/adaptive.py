@@ -1,10 +1,10 @@
 """Reference solution, method 'events': adaptive integration by scipy, restarted at every knot of the torque.
 
 Every piece on which the input is a straight line is integrated on its own (DOP853, order 8). No step can therefore
-reach across a knot or miss the excitation. Where the shaft leaves or meets a side of the backlash gap, and where exact
-dry friction comes to rest or breaks away, the instant is located by integrating again from the beginning of the step,
-never by interpolation. The equations are written body by body in twists instead of positions, independently of the
-other method's compiled form.
+reach across a knot or miss the excitation. The shaft leaves or meets a side of the backlash gap, and exact dry friction
+comes to rest or breaks away. Such an instant is located by integrating again from the beginning of the step, never by
+interpolation. The equations are written body by body in twists instead of positions, independently of the other
+method's compiled form.
 """
 
 from __future__ import annotations
