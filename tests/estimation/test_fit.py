@@ -141,9 +141,9 @@ def test_fit__given_start_with_a_gap__is_not_left_for_a_worse_optimum(seed):
     assert found.cost <= SimulationErrorProblem.of(structure, [r]).costs(exact, found.settings)[0]
 
 
-def turning_load(k, seed, kind, noise):
+def turning_load(k, kind, noise):
     """Recording of an eccentric load that turns on and on, with noise in parts of the peak, and its parameters."""
-    dt, draw = 2e-3, np.random.default_rng(seed)
+    dt, draw = 2e-3, np.random.default_rng(0)
     t = dt * np.arange(5000)
     torque = np.zeros(t.size)
     for start, size in zip(draw.uniform(0.0, 9.0, 14), draw.uniform(-1.0, 2.0, 14), strict=True):
@@ -156,7 +156,7 @@ def turning_load(k, seed, kind, noise):
 
 @pytest.mark.parametrize("k", [1.0, 3.0])  # an eccentric load that turns on and on, and cogging
 def test_fit__load_with_many_periods_over_the_travel__is_recovered(k):
-    recording, truth = turning_load(k, 0, "velocity", 0.01)
+    recording, truth = turning_load(k, "velocity", 0.01)
     assert np.ptp(np.cumsum(recording.y) * recording.dt) > 20 * 2.0 * np.pi
     found = fit(TURNING, [recording], starts=4, patience=1)
     for name in ("J1", "f_v", "M_C", "G", "k"):
@@ -164,10 +164,11 @@ def test_fit__load_with_many_periods_over_the_travel__is_recovered(k):
         assert abs(e.value - truth[name]) < 4.0 * e.std, name
 
 
-@pytest.mark.parametrize("seed", [0, 2])
-def test_fit__given_start_of_a_load_over_the_position__is_not_left_for_a_worse_optimum(seed):
+@pytest.mark.parametrize("k", [1.0, 3.0])
+def test_fit__given_start_of_a_load_over_the_position__is_not_left_for_a_worse_optimum(k):
     """Descents begin on a short part of the recording there, which may lead away from what is known already."""
-    recording, truth = turning_load(1.0, seed, "position", 2e-4)
-    found = fit(TURNING, [recording], f_tanh=200.0, start=truth, starts=1, patience=0, seed=seed)
+    recording, truth = turning_load(k, "position", 2e-4)
+    found = fit(TURNING, [recording], f_tanh=200.0, start=truth, starts=1, patience=0, initial="rest")
     exact = {name: np.array([value]) for name, value in truth.items()}
-    assert found.cost <= SimulationErrorProblem.of(TURNING, [recording]).costs(exact, found.settings)[0]
+    problem = SimulationErrorProblem.of(TURNING, [recording], initial="rest")
+    assert found.cost <= problem.costs(exact, found.settings)[0]

@@ -208,8 +208,9 @@ def _changes(
     count = 1 + (FURTHER.draws if others else 0)
     values = {name: np.full(count, size.get(name, value)) for name, value in base.items()}
     drawn = space.sample(count, np.random.default_rng(seed))
-    half = (1 + count) // 2
-    drawn[:, half:] = with_waves(problem, space, task.settings, drawn[:, half:])
+    if placed.effect.search.wave:  # many periods are met by half of the draws, few by the other
+        half = (1 + count) // 2
+        drawn[:, half:] = with_waves(problem, space, task.settings, drawn[:, half:])
     for name in others:
         values[name][1:] = drawn[space.names.index(name), 1:]
     moved = problem.residuals(values, task.settings)
