@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
@@ -15,6 +15,7 @@ from brightgrey.numerics.distributions import chi2, ncx2
 from brightgrey.search.adequacy import Round
 from brightgrey.search.fitting.fixed_size_fit import fit_at_fixed_size
 from brightgrey.search.fitting.refined_fit import RefinedFits, accurate, refine
+from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.verdicts import ReasonKind
@@ -144,7 +145,7 @@ class Detectability:
             masks = self.hidden_by(structure, effect, size)
             if masks is not None:
                 return Obstacle("masked", size, masks[0]) if masks else Obstacle("not detectable", size)
-        task, own = self.refined.task, self.refined.of(structure)
+        task, own = self.refined.judged, self.refined.of(structure)
         values, refits = {**task.default_start(big), **own.values}, []
         for size in sizes:
             moved = {name: value for name, value in size.items() if name in structure.parameters}
@@ -182,12 +183,11 @@ class Detectability:
         return None if confounder is None else (confounder,)
 
     def detection_limit(
-        self, structure: Structure, effect: str, size: Mapping[str, float], known: Mapping[str, float]
+        self, structure: Structure, effect: str, size: Mapping[str, float]
     ) -> Mapping[str, float] | None:
         """Size of `effect` that would be found beside `structure` by its power: `size`, doubled until it is.
 
-        At least the one that is `known` beside another structure. None if it is beyond its bounds, or if nothing is its
-        size.
+        None if it is beyond its bounds, or if nothing is its size.
         """
         placed, task = Placed.parse(effect), self.refined.task
         parameter = next((q for q in placed.effect.parameters if q.size), None)
@@ -195,7 +195,7 @@ class Detectability:
             return None
         name = placed.parameter(parameter.symbol)
         low, high = task.bounds.get(name) or parameter.bounds(task.scales)
-        grown = {**size, name: float(np.copysign(max(abs(size[name]), known.get(name, 0.0)), size[name]))}
+        grown = dict(size)
         while name not in task.fixed and low <= grown[name] <= high:
             if self.hidden_by(structure, effect, grown) is None:
                 return grown
@@ -214,21 +214,30 @@ class Detectability:
         free = self.refined.of(big)
         return abs(free.values[name]) >= abs(value) and free.deviance <= self._no_worse_than(structure)
 
-    def runs_away(self, structure: Structure, effect: str) -> bool:
-        """Return True if masses or a gap run to a bound, or may: with the load at its largest the fit is no worse.
+    def runs_away(self, structures: Sequence[Structure], effect: str) -> bool:
+        """Return True if the last mass or a gap of a structure runs to a bound, or may.
 
-        A spring to a wall and a drift look like a mass that is too heavy to move.
+        It may if the fit is no worse with the load at its largest. A spring to a wall and a drift look like a mass that
+        is too heavy to move.
         """
-        refined, task = self.refined.of(structure), self.refined.task
-        if refined.runaway(effect, task):
+        if any(self.refined.of(s).runaway(effect, self.refined.task) for s in structures):
             return True
-        placed, space = structure.placed[0], task.space(structure)
-        load = next((placed.parameter(q.symbol) for q in placed.effect.parameters[::-1] if q.dimension == INERTIA), "")
-        if not Placed.parse(effect).effect.masses or load in task.bounds or load not in space.names:
+        if not Placed.parse(effect).effect.masses:
             return False
-        heaviest = replace(task, fixed={**task.fixed, load: float(space.high[space.names.index(load)])})
-        fitted = refine(heaviest, structure, refined.values, self.refined.whitening, np.inf)
-        return fitted.deviance <= self._no_worse_than(structure)
+        heaviest = {s: task for s in structures if (task := self._with_largest_load(s)) is not None}
+        whitening = self.refined.whitening
+        calls = [(task, s, self.refined.of(s).values, whitening, np.inf) for s, task in heaviest.items()]
+        ends = in_order(self.executor, refine, calls)
+        return any(end.deviance <= self._no_worse_than(end.structure) for end in ends)
+
+    def _with_largest_load(self, structure: Structure) -> IdentificationTask | None:
+        """The task with the last inertia at its largest; None if the user says how large that is."""
+        placed, task = structure.placed[0], self.refined.judged
+        space = task.space(structure)
+        load = next((placed.parameter(q.symbol) for q in placed.effect.parameters[::-1] if q.dimension == INERTIA), "")
+        if load in task.bounds or load not in space.names:
+            return None
+        return replace(task, fixed={**task.fixed, load: float(space.high[space.names.index(load)])})
 
     def _no_worse_than(self, structure: Structure) -> float:
         """Deviance up to which a fit is no worse than that of `structure`."""

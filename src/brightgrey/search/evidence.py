@@ -24,7 +24,7 @@ from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.question import OpenQuestions
 from brightgrey.search.undecided.rivals import open_choice
-from brightgrey.search.verdicts import EffectVerdict, Reason, Size, decisive, size_in_units
+from brightgrey.search.verdicts import EffectVerdict, Reason, Size, size_in_units
 
 __all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]
 
@@ -117,14 +117,16 @@ def assess_effects(
     case = _Case(detectability, border, found, certificate, unsteady, rivals)
     lattice = detectability.circumstances.lattice
     effects = [str(p) for i, p in enumerate(lattice.atoms) if lattice.optional >> i & 1]
-    beside = {s: [e for e in effects if not has(s, e)] for s in found}
-    wanted = [detectability.with_effect(s, e) for s, some in beside.items() for e in some]
-    detectability.refined.of_all([s for s in wanted if s is not None])
-    tests = {s: {e: detectability.refutation(s, e) for e in some} for s, some in beside.items()}  # side by side
-    doubts = {s: {e: _doubt(case, s, e, test) for e, test in of.items()} for s, of in tests.items()}
-    against = {e: {s: d for s in found if (d := doubts[s].get(e)) is not None} for e in effects}
-    optional = tuple(e for e in effects if against[e] or (rivals and case.is_open(e)))
-    return optional, tuple(_verdict(case, e, against[e]) for e in effects)
+    against: dict[str, tuple[Structure, Reason]] = {}
+    for s in found:  # one doubt decides an effect
+        beside = [e for e in effects if not has(s, e) and e not in against]
+        wanted = [detectability.with_effect(s, e) for e in beside]
+        detectability.refined.of_all([big for big in wanted if big is not None])
+        tests = {e: detectability.refutation(s, e) for e in beside}  # side by side
+        doubts = {e: _doubt(case, s, e, test) for e, test in tests.items()}
+        against |= {e: (s, doubt) for e, doubt in doubts.items() if doubt is not None}
+    optional = tuple(e for e in effects if e in against or (rivals and case.is_open(e)))
+    return optional, tuple(_verdict(case, e, against.get(e)) for e in effects)
 
 
 def _doubt(case: _Case, structure: Structure, effect: str, test: Obstacle | Callable[[], bool]) -> Reason | None:
@@ -149,8 +151,8 @@ def _doubt(case: _Case, structure: Structure, effect: str, test: Obstacle | Call
     )
 
 
-def _verdict(case: _Case, effect: str, against: Mapping[Structure, Reason]) -> EffectVerdict:
-    """Verdict on one effect, by the minimal structures and the reasons `against` calling it needless."""
+def _verdict(case: _Case, effect: str, against: tuple[Structure, Reason] | None) -> EffectVerdict:
+    """Verdict on one effect, by the minimal structures, and by one of them with a reason not to call it needless."""
     found, d = case.found, case.detectability
     having = case.with_effect(effect)
     loss = case.certificate.loss(effect)
@@ -165,9 +167,9 @@ def _verdict(case: _Case, effect: str, against: Mapping[Structure, Reason]) -> E
         late = _below_sampling(case, having[0], effect) if having[0] in found else None
         why = replace(open_choice(case.minimal, effect), further=(late,) if late else ())
     elif against:
-        why = decisive(list(against.values()))
+        structure, why = against
         if why.kind == "not detectable":
-            why = replace(why, limit=_detection_limit(case, effect, list(against)))
+            why = replace(why, limit=_detection_limit(case, effect, structure))
     else:
         verdict, why = "not needed", _refuted(case, effect, gain or 0.0)
     return EffectVerdict(effect, verdict, loss, gain, why)
@@ -189,10 +191,13 @@ def _reservation(case: _Case, effect: str) -> Reason | None:
     if late:
         return late
     refined, placed = case.detectability.refined, Placed.parse(effect)
-    if any(case.detectability.runs_away(s, effect) for s in case.found):
-        return Reason("inertia at bound" if placed.effect.masses else "gap at bound")
-    moving = placed.effect.masses or placed.effect.has_hard_limit
-    if moving and any(refined.of(s).slowest_mode_cycles(refined.task) < 1.0 for s in case.found):
+    masses = placed.effect.masses
+    # with more masses than asked for, the last one may be a wall or too slow, and enough are left
+    found = [s for s in case.found if not masses or s.masses == masses]
+    if case.detectability.runs_away(found, effect):
+        return Reason("inertia at bound" if masses else "gap at bound")
+    moving = masses or placed.effect.has_hard_limit
+    if moving and any(refined.of(s).slowest_mode_cycles(refined.task) < 1.0 for s in found):
         return Reason("slow mode")
     if moving and not _shows_in_few_samples(case, effect):
         return Reason("few samples")
@@ -250,16 +255,15 @@ def _refuted(case: _Case, effect: str, gain: float) -> Reason:
     return Reason("refuted", numbers, size=size, estimate=(estimate,))
 
 
-def _detection_limit(case: _Case, effect: str, structures: Sequence[Structure]) -> tuple[Size, ...]:
-    """Size from which on the recording would have shown an effect beside all structures; empty if there is none."""
-    d, largest = case.detectability, dict[str, float]()
-    for structure in structures:
-        for least in d.relevant_sizes(structure, effect):
-            found = d.detection_limit(structure, effect, least, largest)
-            if not found:
-                return ()
-            largest = {name: abs(value) for name, value in found.items()}
-    return size_in_units(case.units, effect, [largest]) if largest else ()
+def _detection_limit(case: _Case, effect: str, structure: Structure) -> tuple[Size, ...]:
+    """Size from which on the recording would have shown an effect beside a structure; empty if there is none."""
+    d = case.detectability
+    found = [d.detection_limit(structure, effect, least) for least in d.relevant_sizes(structure, effect)]
+    both = [size for size in found if size]
+    if not both or len(both) < len(found):
+        return ()
+    largest = {name: max(abs(size[name]) for size in both) for name in both[0]}
+    return size_in_units(case.units, effect, [largest])
 
 
 def _below_sampling(case: _Case, structure: Structure, effect: str) -> Reason | None:

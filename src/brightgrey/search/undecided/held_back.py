@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from brightgrey.kit import Grammar, Placed, Structure, function_set
 from brightgrey.kit.in_words import effect_in_words
 from brightgrey.kit.structure import Verdict
 from brightgrey.search.detectability import Detectability, has, power, relevant_sizes
-from brightgrey.search.fitting.refined_fit import accurate
+from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.undecided.rivals import open_choice
 from brightgrey.search.verdicts import EffectVerdict, Reason, decisive, size_in_units
@@ -53,7 +54,7 @@ def first_order_verdicts(
     rivals : sequence of Structure
         Structures with some of these effects that explain as well as the minimal ones.
     """
-    beside = [_Beside.of(detectability, s, more) for s in structures]
+    doubts, needless = _first_order_tests(detectability, structures, more)
     said = {card.effect: card for card in known}
     found = []
     for placed in more:
@@ -62,16 +63,35 @@ def first_order_verdicts(
             said[str(placed)] = EffectVerdict(str(placed), "not decidable", None, None, why)
             found.append(said[str(placed)])
             continue
-        tests = [b.test(placed) for b in beside if placed in b.changes]
-        if tests:
-            doubts = [reason for needless, reason in tests if not needless]
-            reason = decisive(doubts or [reason for _, reason in tests])
-            found.append(EffectVerdict(str(placed), "not decidable" if doubts else "not needed", None, None, reason))
+        tested = placed in doubts or placed in needless
+        if tested:
+            reason = doubts[placed] if placed in doubts else decisive(needless[placed])
+            verdict: Verdict = "not decidable" if placed in doubts else "not needed"
+            found.append(EffectVerdict(str(placed), verdict, None, None, reason))
         required = [card for name in placed.effect.requires if (card := said.get(str(Placed(name, placed.place))))]
-        if required and not tests:
+        if required and not tested:
             found.append(_as(str(placed), required[0]))
         said |= {card.effect: card for card in found}
     return tuple(found)
+
+
+def _first_order_tests(
+    detectability: Detectability, structures: Sequence[Structure], more: Sequence[Placed]
+) -> tuple[dict[Placed, Reason], dict[Placed, list[Reason]]]:
+    """The first doubt about an effect, and the reasons why others are needless beside all structures."""
+    doubts: dict[Placed, Reason] = {}
+    needless: dict[Placed, list[Reason]] = {}
+    for structure in structures:
+        if all(placed in doubts for placed in more):
+            break
+        beside = _Beside.of(detectability, structure, more)
+        for placed in (p for p in beside.changes if p not in doubts):
+            is_needless, reason = beside.test(placed)
+            if is_needless:
+                needless.setdefault(placed, []).append(reason)
+            else:
+                doubts[placed] = reason
+    return doubts, needless
 
 
 def verdicts_on_masses(
@@ -114,7 +134,6 @@ class _Beside:
     residual: Array  #: Beyond what the structure's parameters explain, shape (residuals,).
     sizes: Mapping[Placed, Sequence[Mapping[str, float]]]  #: Two of opposite sign for effects that have both.
     changes: Mapping[Placed, Array]  #: Of the first of the sizes, beyond the structure's parameters.
-    others: Mapping[Placed, Array]  #: Orthonormal basis of what the structure with another effect can explain.
 
     @classmethod
     def of(cls, detectability: Detectability, structure: Structure, more: Sequence[Placed]) -> _Beside:
@@ -134,12 +153,27 @@ class _Beside:
                 moved = problem.residuals({n: np.array([v]) for n, v in values.items()}, accurate(task).settings)[:, 0]
                 sizes[placed] = found
                 changes[placed] = beyond(basis, whitening.whiten(moved - residual))
-        others = {}
-        for placed in detectability.circumstances.lattice.atoms:
-            beside = None if has(structure, str(placed)) else detectability.with_effect(structure, str(placed))
-            if beside is not None:
-                others[placed] = whitening.basis(refined.jacobian(beside)[1])
-        return cls(detectability, structure, beyond(basis, whitening.whiten(residual)), sizes, changes, others)
+        return cls(detectability, structure, beyond(basis, whitening.whiten(residual)), sizes, changes)
+
+    @cached_property
+    def others(self) -> dict[Placed, Array]:
+        """Orthonormal basis of what the structure can explain at first order with another effect of the lattice."""
+        found = dict[Placed, Array]()
+        for placed in self.detectability.circumstances.lattice.atoms:
+            beside = self.detectability.with_effect(self.structure, str(placed))
+            if beside is not None and not has(self.structure, str(placed)):
+                jacobian = self.slopes_with(beside, str(placed))
+                found[placed] = self.detectability.refined.whitening.basis(jacobian)
+        return found
+
+    def slopes_with(self, beside: Structure, effect: str) -> Array:
+        """Jacobian of the structure with another effect: at its fit if there is one, or at the size that matters."""
+        refined = self.detectability.refined
+        if beside in refined.fits.done:
+            return refined.jacobian(beside)[1]
+        task, own = refined.task, refined.of(self.structure).values
+        size = next(iter(relevant_sizes(task, own, effect)), {})
+        return residual_and_jacobian(task, beside, {**task.default_start(beside), **own, **size})[1]
 
     def test(self, placed: Placed) -> tuple[bool, Reason]:
         """True if an effect is needless beside the structure, and why it is, or why it cannot be called so."""

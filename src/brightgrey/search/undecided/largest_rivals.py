@@ -7,7 +7,7 @@ and Stribeck friction together are a rival, too, and a better one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,6 +17,7 @@ from brightgrey.kit import Structure
 from brightgrey.search.detectability import Detectability, has, relevant_sizes
 from brightgrey.search.fitting.refined_fit import refine, residual_and_jacobian
 from brightgrey.search.lattice import contains
+from brightgrey.search.parallel import in_order
 from brightgrey.search.undecided.past_recordings import eliminated
 from brightgrey.search.undecided.question import LargestRival
 
@@ -39,6 +40,32 @@ class LargestRivals:
     detectability: Detectability
     _fitted: dict[Structure, _Simulated] = field(default_factory=dict)
 
+    def fit(self, pairs: Sequence[tuple[Structure, Structure]]) -> None:
+        """Fit those of all pairs of a truth and a rival, in parallel: `of` asks for them one by one."""
+        wanted: dict[Structure, Structure] = {}
+        for truth, rival in pairs:
+            for structure in self.without(truth, rival):
+                wanted.setdefault(structure, rival)
+        refined = self.detectability.refined
+        task, least = refined.judged, {s: self.least_sizes(s, rival) for s, rival in wanted.items()}
+        starts = {s: {**task.default_start(s), **refined.of(rival).values, **least[s]} for s, rival in wanted.items()}
+        material = self.detectability.circumstances.material_growth
+        calls = [(task, s, start, refined.whitening, np.inf, material) for s, start in starts.items()]
+        for structure, end in zip(wanted, in_order(self.detectability.executor, refine, calls), strict=True):
+            values = _of_least_size(structure, end.values, least[structure])
+            residual, jacobian, _ = residual_and_jacobian(task, structure, values)
+            self._fitted[structure] = _Simulated(values, residual, jacobian)
+
+    def least_sizes(self, structure: Structure, rival: Structure) -> dict[str, float]:
+        """Least sizes that matter of the effects that a structure has beyond a rival."""
+        task, found = self.detectability.refined.task, dict[str, float]()
+        values = {**task.default_start(structure), **self.detectability.refined.of(rival).values}
+        for placed in structure.placed:
+            if not has(rival, str(placed)):
+                for size in relevant_sizes(task, values, str(placed))[:1]:
+                    found |= size
+        return found
+
     def of(self, truth: Structure, rival: Structure, change: Array) -> Iterator[LargestRival]:
         """Those that have all of `rival` and lack an effect of `truth`.
 
@@ -50,8 +77,7 @@ class LargestRivals:
         """
         refined = self.detectability.refined
         for structure in self.without(truth, rival):
-            own = self._fitted.get(structure) or self._fit(structure, rival)
-            self._fitted[structure] = own
+            own = self._fitted[structure]
             from_rival = own.residual - refined.jacobian(rival)[0]
             changes = np.stack([from_rival + change, from_rival], axis=1)
             known, gradients, products = eliminated(refined, structure, own.values, own.jacobian, changes)
@@ -74,23 +100,13 @@ class LargestRivals:
                     found[largest] = None
         return list(found)
 
-    def _fit(self, structure: Structure, rival: Structure) -> _Simulated:
-        """A structure fitted from the values of a rival, and its further effects of the least size that matters.
 
-        They keep that size at least: from nothing at all, none would be found by its slope.
-        """
-        refined = self.detectability.refined
-        task, values = refined.task, {**refined.task.default_start(structure), **refined.of(rival).values}
-        least: dict[str, float] = {}
-        for placed in structure.placed:
-            if not has(rival, str(placed)):
-                for size in relevant_sizes(task, values, str(placed))[:1]:
-                    least |= size
-        found = refine(task, structure, {**values, **least}, refined.whitening, np.inf).values
-        for placed in structure.placed:
-            names = [placed.parameter(q.symbol) for q in placed.effect.parameters if q.size]
-            if any(name in least and abs(found[name]) < abs(least[name]) for name in names):
-                own = {placed.parameter(q.symbol) for q in placed.effect.parameters}
-                found = {**found, **{name: value for name, value in least.items() if name in own}}
-        residual, jacobian, _ = residual_and_jacobian(task, structure, found)
-        return _Simulated(dict(found), residual, jacobian)
+def _of_least_size(structure: Structure, values: Mapping[str, float], least: Mapping[str, float]) -> dict[str, float]:
+    """Values with the effects that have vanished at the least size: from nothing, none would be found by its slope."""
+    found = dict(values)
+    for placed in structure.placed:
+        sizes = [placed.parameter(q.symbol) for q in placed.effect.parameters if q.size]
+        if any(name in least and abs(values[name]) < abs(least[name]) for name in sizes):
+            own = {placed.parameter(q.symbol) for q in placed.effect.parameters}
+            found |= {name: value for name, value in least.items() if name in own}
+    return found

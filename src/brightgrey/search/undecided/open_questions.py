@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 
@@ -55,21 +56,13 @@ def open_questions(
         All effects that are *not decidable*.
     """
     d, task = detectability, detectability.refined.task
-    best, leading = found[0], found[: POLICY.most_structures]
+    best, tied = found[0], list(permutations(found[: POLICY.most_structures], 2))
+    larger, not_asked = _effects_beside(d, best, optional)
     largest = LargestRivals(d)
-    asked = [_tied(largest, a, b) for a in leading for b in leading if a != b]
-    not_asked: dict[str, str] = {}
-    for effect in optional:
-        if len({q.effects for q in asked if q.kind == "size"}) >= POLICY.most_effects:
-            not_asked[effect] = "other effects come first"
-        elif has(best, effect):
-            continue
-        elif d.with_effect(best, effect) is None:
-            not_asked[effect] = "it cannot be added alone"
-        elif not d.relevant_sizes(best, effect):
-            not_asked[effect] = "it has no least size that matters"
-        else:
-            asked += _size_questions(largest, best, effect)
+    largest.fit([*tied, *((big, best) for big in larger.values())])
+    asked = [_tied(largest, a, b) for a, b in tied]
+    for effect, big in larger.items():
+        asked += _size_questions(largest, best, big, effect)
     covered = {e for q in asked for e in q.effects}
     for effect in undecided:
         if effect not in covered:
@@ -101,6 +94,27 @@ def open_questions(
     )
 
 
+def _effects_beside(
+    d: Detectability, best: Structure, optional: Sequence[str]
+) -> tuple[dict[str, Structure], dict[str, str]]:
+    """Effects that may be there beside the best structure, with the structure that has them, and why others do not."""
+    larger: dict[str, Structure] = {}
+    not_asked: dict[str, str] = {}
+    for effect in optional:
+        big = d.with_effect(best, effect)
+        if len(larger) >= POLICY.most_effects:
+            not_asked[effect] = "other effects come first"
+        elif has(best, effect):
+            continue
+        elif big is None:
+            not_asked[effect] = "it cannot be added alone"
+        elif not d.relevant_sizes(best, effect):
+            not_asked[effect] = "it has no least size that matters"
+        else:
+            larger[effect] = big
+    return larger, not_asked
+
+
 def _tied(largest: LargestRivals, truth: Structure, rival: Structure) -> Question:
     """Question between two minimal structures, each at its optimum."""
     refined = largest.detectability.refined
@@ -127,7 +141,7 @@ def _least_share(task: IdentificationTask, truth: Structure, values: Mapping[str
     return max(shares)
 
 
-def _size_questions(largest: LargestRivals, structure: Structure, effect: str) -> Iterator[Question]:
+def _size_questions(largest: LargestRivals, structure: Structure, big: Structure, effect: str) -> Iterator[Question]:
     """Questions between the absence of an effect beside a structure and its sizes that matter.
 
     These are the least ones and, where it is far larger, the largest that the recordings do not contradict. All else is
@@ -135,8 +149,6 @@ def _size_questions(largest: LargestRivals, structure: Structure, effect: str) -
     gravity cancel, a truth has more of both.
     """
     d = largest.detectability
-    big = d.with_effect(structure, effect)
-    assert big is not None
     for size in d.relevant_sizes(structure, effect):
         held = _HeldSize(d, structure, big, size)
         for multiple, values in held.ends(effect):
@@ -155,7 +167,7 @@ class _HeldSize:
 
     def task(self, multiple: float) -> IdentificationTask:
         """The task with the effect's own parameters fixed."""
-        task = self.detectability.refined.task
+        task = self.detectability.refined.judged
         own = {n: v for n, v in self.at(multiple).items() if n not in self.structure.parameters}
         return replace(task, fixed={**task.fixed, **own})
 

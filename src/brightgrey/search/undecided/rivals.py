@@ -67,7 +67,8 @@ def rivals_beyond(
         Let them take the place of the last mass or a gap, too. Where the residual holds more than noise, that was tried
         before more masses were gone into.
     """
-    exchange = _Exchange(detectability, tuple(effects), seed, list(found))
+    common = frozenset.intersection(*(s.beside for s in found))
+    exchange = _Exchange(detectability, tuple(effects), seed, list(found), found[0], common)
     queue = [detectability.refined.of(s) for s in found]
     rivals, hard = list[Refined](), fewer_masses
     while queue and len(rivals) < FURTHER.most_rivals:
@@ -95,7 +96,7 @@ def rivals_among(
     known : sequence of (Structure, mapping of str to float)
         With the values, SI, from which they are fitted.
     """
-    exchange = _Exchange(detectability, (), 0, [])
+    exchange = _Exchange(detectability, (), 0, [], found[0], frozenset())
     rivals = [end for end in exchange.ends(known) if exchange.is_adequate(end)]
     return _containing_none(rivals, found)
 
@@ -166,6 +167,8 @@ class _Exchange:
     effects: tuple[Placed, ...]
     seed: int
     minimal: list[Structure]  #: Structures that are known to explain as well; what contains one is not fitted.
+    best: Structure
+    common: frozenset[Placed]  #: Effects of all minimal structures; the others are not decidable anyway.
     fitted: dict[Structure, Refined] = field(default_factory=dict)
 
     @property
@@ -176,9 +179,12 @@ class _Exchange:
 
     def of(self, own: Refined) -> list[Refined]:
         """Adequate fits with an effect of a structure exchanged, which lack what they can."""
-        at, found = self.at(own), list[Refined]()
+        found, exchanged = list[Refined](), self.exchanged(own.structure)
+        if not exchanged:
+            return found
+        at = self.at(own)
         changes = self.changes(at)
-        for gone in (p for p in self.removable(own.structure) if not p.effect.has_hard_limit):
+        for gone in (p for p in exchanged if not p.effect.has_hard_limit):
             without = at.without(gone)
             scored = by_score([without.beyond(c) for c in changes], without.left)
             worth = [f for score, f in scored if without.deviance - score <= self.far(own)]
@@ -202,6 +208,10 @@ class _Exchange:
         """Effects beside the masses that are not required."""
         return [p for p in structure.placed if not p.effect.masses and p not in self.required]
 
+    def exchanged(self, structure: Structure) -> list[Placed]:
+        """Effects that are exchanged: all of the best structure, and of the others those that all have."""
+        return [p for p in self.removable(structure) if structure == self.best or p in self.common]
+
     def is_new(self, structure: Structure) -> bool:
         """True for a legal structure that contains none that explains as well."""
         return not (any(contains(structure, s) for s in self.minimal) or function_set().broken_rule(structure))
@@ -218,7 +228,7 @@ class _Exchange:
         """Fits with what excludes an effect of a structure in its place, by multistart: the two are never beside."""
         task, found = self.detectability.refined.task, list[Refined]()
         for other in self.effects:
-            for gone in (p for p in self.removable(own.structure) if p.excludes(other)):
+            for gone in (p for p in self.exchanged(own.structure) if p.excludes(other)):
                 bare = _without(own.structure, gone)
                 rival = Structure((*bare.placed, other))
                 if self.is_new(rival):
@@ -307,7 +317,7 @@ class _Exchange:
         """Refined fits from some values; once more where these are better than the end of an earlier fit."""
         refined, workers = self.detectability.refined, self.detectability.executor
         fits = refined.fits.tried([(s, values) for s, values in starts if self.is_worth_a_fit(s, values)], workers)
-        calls = [(refined.task, f.structure, f.values, refined.whitening, np.inf) for f in fits]
+        calls = [(refined.judged, f.structure, f.values, refined.whitening, np.inf) for f in fits]
         for end in in_order(workers, refine, calls):
             known = self.fitted.get(end.structure, end)
             self.fitted[end.structure] = min(known, end, key=lambda r: r.deviance)
@@ -326,13 +336,13 @@ class _Exchange:
         known = self.fitted.get(structure)
         if known is None or self.is_adequate(known):
             return known is None
-        task = self.detectability.refined.task
+        task = self.detectability.refined.judged
         problem, space = task.problem_and_space(structure)
         start = np.clip(
             [values.get(n, v) for n, v in zip(space.names, space.start, strict=True)], space.low, space.high
         )
         at = {name: np.array([value]) for name, value in (*zip(space.names, start, strict=True), *space.fixed.items())}
-        return float(problem.costs(at, accurate(task).settings)[0]) < known.cost
+        return float(problem.costs(at, task.settings)[0]) < known.cost
 
     def far(self, own: Refined) -> float:
         """Predicted deviance above which an exchange is not worth a fit."""
