@@ -61,8 +61,8 @@ class BorderSearch(OfferingSearch):
             self.fit_largest()
         if not np.isfinite(self.fits.best().cost):
             raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
-        while self.offer_further(self.fits.best().structure.masses - 1):  # before more masses are gone into
-            pass
+        while self.offer_further(self.fits.best().structure.masses - 1) or self.offer_mass_left_out():
+            pass  # before anything is decided
         if not (everything or self.offered):  # where no further effect takes their part, gaps and masses are gone into
             self.thorough = True
             self.restarts = {s: n for s, n in self.restarts.items() if not s.has_hard_limit}
@@ -74,7 +74,7 @@ class BorderSearch(OfferingSearch):
         border = self.in_rounds()
         while True:
             masses = min(self.lattice.structure(m).masses for m in border.minimal)
-            if not (self.offer_further(masses) or self.offer_mass(masses)):
+            if not (self.offer_further(masses) or self.offer_mass_left_out() or self.offer_mass(masses)):
                 return border
             border = self.in_rounds()
 
@@ -238,9 +238,15 @@ class BorderSearch(OfferingSearch):
         return []
 
     def shrunk(self, border: Border, done: Set[int]) -> list[int]:
-        """Structures that the simplest minimal one is compared with: those that lack one of its atoms."""
+        """Structures that the simplest minimal one is compared with: those that lack one of its atoms.
+
+        What lies within a structure that leaves far too much is not fitted.
+        """
+        far = self.policy.far * self.round.largest_threshold(border.least)
+        poor = [m for m, excess in border.excess.items() if excess > far]
         for mask in sorted(border.minimal, key=lambda m: (m.bit_count(), border.excess[m], m)):
-            missing = [m for m in self.children(mask) if m not in done]
+            smaller = [m for m in self.children(mask) if m not in done]
+            missing = [m for m in smaller if all(m & ~larger for larger in poor)]
             if missing:
                 return missing
         return []

@@ -5,10 +5,12 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.kit import PAPER, Placed, function_set, grammar_named
+from brightgrey.kit import PAPER, Placed, Structure, function_set, grammar_named
 from brightgrey.search.decision import decide_structures
+from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.structure_fit import Options, fit_multistart
-from brightgrey.search.further.proposals import further_effects
+from brightgrey.search.further.proposals import further_effects, moved_effects
+from brightgrey.search.parallel import thread_pool
 from support.searches import simulated_task, verdicts
 
 F_TANH = 200.0
@@ -40,6 +42,30 @@ def test_further_effects__one_is_missing__is_tried_near_its_size(base, more):
     size = next(iter(values))
     start = next(f.start for f in found if f.placed == Placed.parse(name))
     assert 0.2 < start[size] / values[size] < 5.0
+
+
+@pytest.mark.parametrize(("stiffness", "friction"), [(30.0, 1.0), (240.0, 1.2)])
+def test_moved_effects__friction_at_the_second_mass_only__takes_the_place_of_that_at_the_first(stiffness, friction):
+    """Beside friction at the first mass, no step leads to that at the second."""
+    values = {"J1": 0.006, "J2": 0.009, "c1": stiffness, "d1": 0.05, "M_C@2": friction}
+    truth, noise = "two_mass+coulomb@2", 0.005 * E.speed
+    task = simulated_task(truth, values, E.torque(), noise, dt=E.dt, f_tanh=F_TANH, step=1e-3)
+    known = fit_multistart(task, PAPER.parse("two_mass+coulomb"), Options(fresh=4, patience=0), 0)
+    with thread_pool(None) as workers:
+        table = FitTable(task, ())
+
+        def costs(found):
+            larger = [(Structure((*known.structure.placed, *f.added)), {**known.values, **f.start}) for f in found]
+            return {str(f.placed): t.cost for f, t in zip(found, table.tried(larger, workers), strict=True)}
+
+        added = costs(further_effects(task, known, FURTHER, 0))
+        moved = costs(moved_effects(task, known, FURTHER))
+        true = task.problem(function_set().parse(truth)).costs(
+            {n: np.array([v]) for n, v in values.items()}, task.settings
+        )
+    assert list(moved) == ["coulomb@2"]
+    assert moved["coulomb@2"] < 1.05 * true[0]
+    assert moved["coulomb@2"] < 0.5 * min(added.values())
 
 
 def test_decide__friction_at_the_second_mass__is_found():

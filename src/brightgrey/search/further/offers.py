@@ -28,6 +28,7 @@ from brightgrey.search.further.proposals import (
     further_effects,
     is_bent,
     least_rival_cost,
+    moved_effects,
 )
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.model_error import optimum_of, signs_of_model_error
@@ -132,13 +133,16 @@ class OfferingSearch:
         return list(best.values())
 
     def offer_mass(self, masses: int) -> bool:
-        """Offer one mass more if all that are offered with the further effects are called for.
+        """Offer one mass more if all that are offered with the further effects are called for."""
+        return bool(self.offered) and masses >= self.most_masses and self.offer_one_mass()
 
-        And where structures that were left out since they have more masses explained notably more.
-        """
+    def offer_mass_left_out(self) -> bool:
+        """Offer one mass more if structures that were left out, since they have more masses, explained notably more."""
         enough = self.fits.best().cost <= (1.0 + FURTHER.notable_gain) * self.least_cost
-        if not self.offered or (masses < self.most_masses and enough):
-            return False
+        return bool(self.offered) and not enough and self.offer_one_mass()
+
+    def offer_one_mass(self) -> bool:
+        """Take the lattice with one mass more; returns False if it has as many as there are."""
         before = self.most_masses
         self.limit_masses(before + 1)
         return self.most_masses > before
@@ -194,10 +198,10 @@ class OfferingSearch:
     def with_one_more(self, own: StructureFit) -> StructureFit | None:
         """A fit with the further effect that explains most of what a structure leaves; None if none is notable.
 
-        First-order scores choose which are fitted. Of those that explain alike the one with fewest parameters is taken,
-        and fitted by multistart if it is bent.
+        First-order scores choose which are fitted, and those that are there at another place. Of those that explain
+        alike the one with fewest parameters is taken, and fitted by multistart if it is bent.
         """
-        found = further_effects(self.task, own, self.more, self.seed)
+        found = further_effects(self.task, own, self.more, self.seed) + moved_effects(self.task, own, self.more)
         fits = self.fits.tried([_with_effect(own, f) for f in found], self.executor)
         parameters = {f.structure: len(f.structure.parameters) for f in fits}
         most = max((own.cost - f.cost for f in fits), default=0.0)

@@ -43,6 +43,7 @@ __all__ = [
     "further_effects",
     "is_bent",
     "least_rival_cost",
+    "moved_effects",
 ]
 
 
@@ -95,6 +96,29 @@ def further_effects(
     changes = changes_beside(task, fitted, residual, more, seed)
     scored = by_score([replace(c, changes=beyond(basis, c.changes)) for c in changes], left)
     return tuple(found for _, found in scored[: FURTHER.side_by_side])
+
+
+def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed]) -> tuple[FurtherEffect, ...]:
+    """Effects of `more` that a structure has at another mass or shaft, each in the place of that one.
+
+    The one that is there has taken the part of the other, and no first step leads from one to the other.
+
+    Parameters
+    ----------
+    task : IdentificationTask
+    fitted : StructureFit
+    more : sequence of Placed
+        Effects that it may lack.
+    """
+    space, found = task.space(fitted.structure), list[FurtherEffect]()
+    least = dict(zip(space.names, space.low.tolist(), strict=True))
+    for placed in _possible(fitted, more):
+        for own in (p for p in fitted.structure.placed if p.name == placed.name and not p.effect.has_hard_limit):
+            start = {placed.parameter(q.symbol): fitted.values[own.parameter(q.symbol)] for q in own.effect.parameters}
+            sizes = [own.parameter(q.symbol) for q in own.effect.parameters if q.size]
+            gone = {name: max(least[name], 0.0) for name in sizes if name in least}
+            found.append(FurtherEffect(placed, added_with(placed, fitted.structure), {**start, **gone}))
+    return tuple(found)
 
 
 def by_score(changes: Sequence[EffectChanges], left: Array) -> list[tuple[float, FurtherEffect]]:
