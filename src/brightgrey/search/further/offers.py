@@ -198,8 +198,8 @@ class OfferingSearch:
     def with_one_more(self, own: StructureFit) -> StructureFit | None:
         """A fit with the further effect that explains most of what a structure leaves; None if none is notable.
 
-        First-order scores choose which are fitted, and those that are there at another place. Of those that explain
-        alike the one with fewest parameters is taken, and fitted by multistart if it is bent.
+        First-order scores choose which are fitted. So is dry friction that is there at another mass. Of those that
+        explain alike the one with fewest parameters is taken, and fitted by multistart if it is bent.
         """
         found = further_effects(self.task, own, self.more, self.seed) + moved_effects(self.task, own, self.more)
         fits = self.fits.tried([_with_effect(own, f) for f in found], self.executor)

@@ -99,9 +99,9 @@ def further_effects(
 
 
 def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed]) -> tuple[FurtherEffect, ...]:
-    """Effects of `more` that a structure has at another mass or shaft, each in the place of that one.
+    """Dry friction of `more` that a structure has at another mass, each in the place of that one.
 
-    The one that is there has taken the part of the other, and no first step leads from one to the other.
+    The one that is there has taken the part of the other, and no first step leads from one to the other: a mass sticks.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence
     space, found = task.space(fitted.structure), list[FurtherEffect]()
     least = dict(zip(space.names, space.low.tolist(), strict=True))
     for placed in _possible(fitted, more):
-        for own in (p for p in fitted.structure.placed if p.name == placed.name and not p.effect.has_hard_limit):
+        for own in (p for p in fitted.structure.placed if p.name == placed.name and p.effect.is_dry_friction):
             start = {placed.parameter(q.symbol): fitted.values[own.parameter(q.symbol)] for q in own.effect.parameters}
             sizes = [own.parameter(q.symbol) for q in own.effect.parameters if q.size]
             gone = {name: max(least[name], 0.0) for name in sizes if name in least}

@@ -67,8 +67,7 @@ def rivals_beyond(
         Let them take the place of the last mass or a gap, too. Where the residual holds more than noise, that was tried
         before more masses were gone into.
     """
-    common = frozenset.intersection(*(s.beside for s in found))
-    exchange = _Exchange(detectability, tuple(effects), seed, list(found), found[0], common)
+    exchange = _Exchange(detectability, tuple(effects), seed, list(found))
     queue = [detectability.refined.of(s) for s in found]
     rivals, hard = list[Refined](), fewer_masses
     while queue and len(rivals) < FURTHER.most_rivals:
@@ -96,7 +95,7 @@ def rivals_among(
     known : sequence of (Structure, mapping of str to float)
         With the values, SI, from which they are fitted.
     """
-    exchange = _Exchange(detectability, (), 0, [], found[0], frozenset())
+    exchange = _Exchange(detectability, (), 0, [])
     rivals = [end for end in exchange.ends(known) if exchange.is_adequate(end)]
     return _containing_none(rivals, found)
 
@@ -167,8 +166,6 @@ class _Exchange:
     effects: tuple[Placed, ...]
     seed: int
     minimal: list[Structure]  #: Structures that are known to explain as well; what contains one is not fitted.
-    best: Structure
-    common: frozenset[Placed]  #: Effects of all minimal structures; the others are not decidable anyway.
     fitted: dict[Structure, Refined] = field(default_factory=dict)
 
     @property
@@ -179,12 +176,9 @@ class _Exchange:
 
     def of(self, own: Refined) -> list[Refined]:
         """Adequate fits with an effect of a structure exchanged, which lack what they can."""
-        found, exchanged = list[Refined](), self.exchanged(own.structure)
-        if not exchanged:
-            return found
-        at = self.at(own)
+        at, found = self.at(own), list[Refined]()
         changes = self.changes(at)
-        for gone in (p for p in exchanged if not p.effect.has_hard_limit):
+        for gone in (p for p in self.removable(own.structure) if not p.effect.has_hard_limit):
             without = at.without(gone)
             scored = by_score([without.beyond(c) for c in changes], without.left)
             worth = [f for score, f in scored if without.deviance - score <= self.far(own)]
@@ -208,10 +202,6 @@ class _Exchange:
         """Effects beside the masses that are not required."""
         return [p for p in structure.placed if not p.effect.masses and p not in self.required]
 
-    def exchanged(self, structure: Structure) -> list[Placed]:
-        """Effects that are exchanged: all of the best structure, and of the others those that all have."""
-        return [p for p in self.removable(structure) if structure == self.best or p in self.common]
-
     def is_new(self, structure: Structure) -> bool:
         """True for a legal structure that contains none that explains as well."""
         return not (any(contains(structure, s) for s in self.minimal) or function_set().broken_rule(structure))
@@ -228,7 +218,7 @@ class _Exchange:
         """Fits with what excludes an effect of a structure in its place, by multistart: the two are never beside."""
         task, found = self.detectability.refined.task, list[Refined]()
         for other in self.effects:
-            for gone in (p for p in self.exchanged(own.structure) if p.excludes(other)):
+            for gone in (p for p in self.removable(own.structure) if p.excludes(other)):
                 bare = _without(own.structure, gone)
                 rival = Structure((*bare.placed, other))
                 if self.is_new(rival):
