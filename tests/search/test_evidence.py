@@ -12,6 +12,7 @@ from brightgrey.kit import PAPER, Placed
 from brightgrey.kit.in_words import effect_in_words
 from brightgrey.recordings import Signal
 from brightgrey.search import IdentificationTask
+from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.lattice import contains
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
@@ -57,6 +58,17 @@ def test_evidence__friction__truth_is_only_minimal_structure(friction):
     verdicts = {c.effect: c.verdict for c in friction.cards}
     assert verdicts == {"coulomb": "needed", "viscous": "needed", "gravity": "not needed", "delay": "not needed"}
     assert friction.optional == ()
+
+
+def test_verdict__no_independent_start_confirms_a_refutation__only_a_large_one_makes_an_effect_needed(monkeypatch):
+    """A residual without viscous friction that is 1 % larger may be an optimum that was missed; five times is not."""
+    task = task_of("one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 0.5, "f_v": 0.002}, reversing(), 0.1)
+    confirmed = cards_of(evidence(task, ("coulomb", "viscous")))
+    monkeypatch.setattr(BorderSearch, "restart", lambda search, border: False)
+    found = cards_of(evidence(task, ("coulomb", "viscous")))
+    assert [confirmed[e].verdict for e in ("coulomb", "viscous")] == ["needed", "needed"]
+    assert [found[e].verdict for e in ("coulomb", "viscous")] == ["needed", "not decidable"]
+    assert "No independent start" in found["viscous"].reason
 
 
 def test_verdict__each_effect__loss_gain_and_sentence(friction):

@@ -296,7 +296,17 @@ class BorderSearch(OfferingSearch):
                         self.fit([structure])
                         self.restart_at(structure)
                         return True
+        for found in nearest:
+            structure = self.lattice.structure(self.beside_refuted(found, border))
+            if self.is_unconfirmed(found, border) and self.lacks_agreement(structure, self.policy.restarts_unconfirmed):
+                self.restart_at(structure)
+                return True
         return False
+
+    def is_unconfirmed(self, found: Refutation, border: Border) -> bool:
+        """True if no independent start has ended at the optimum on which a refutation rests, unless that is sure."""
+        structure = self.lattice.structure(self.beside_refuted(found, border))
+        return found.excess < self.policy.sure * found.threshold and not self.fits.agreeing.get(structure, 0)
 
     @property
     def hard_limits(self) -> int:
@@ -332,6 +342,10 @@ class BorderRefit(BorderSearch):
 
     def restart(self, border: Border) -> bool:
         """Return False: no multistart is made."""
+        return False
+
+    def is_unconfirmed(self, found: Refutation, border: Border) -> bool:
+        """Return False: known optima count as confirmed."""
         return False
 
     def beyond_lattice(self) -> list[tuple[Structure, Mapping[str, float]]]:

@@ -33,6 +33,7 @@ from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
 from brightgrey.search.undecided.rivals import rival_to_offer, rivals_among, rivals_beyond
+from brightgrey.search.verdicts import ReasonKind
 
 __all__ = ["Decision", "Ranked", "decide_structures"]
 
@@ -204,12 +205,14 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
     border, found, rivals = _rivalled(search, border, grammar, exclude)
     lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
     certificate = _certificate(search, border, grammar, found)
-    unsteady = _unsteady_effects(search, border, found[0]) if certificate.unexplained else frozenset[str]()
+    doubtful: dict[str, ReasonKind] = dict.fromkeys(_unconfirmed_effects(search, border), "unconfirmed")
+    if certificate.unexplained:
+        doubtful |= dict.fromkeys(_unsteady_effects(search, border, found[0]), "unsteady gain")
     detectability = Detectability(search.refined, circumstances, search.executor)
     instead = [rival.structure for rival in rivals]
     for rival in rivals:
         search.refined.adopt(rival)
-    optional, cards = assess_effects(detectability, border, found, certificate, unsteady, instead)
+    optional, cards = assess_effects(detectability, border, found, certificate, doubtful, instead)
     held_back = verdicts_on_masses(grammar, exclude, cards)
     held_back += first_order_verdicts(detectability, found, search.more, cards, instead)
     undecided = [c.effect for c in cards if c.verdict == "not decidable"]
@@ -344,6 +347,12 @@ def _refuted(
         str(tried),
         search.fits.agreeing.get(tried, 0),
     )
+
+
+def _unconfirmed_effects(search: BorderSearch, border: Border) -> frozenset[str]:
+    """Effects without which no independent start has confirmed the best fit."""
+    refuted = [r for r in border.refuted if search.is_unconfirmed(r, border)]
+    return frozenset(e for r in refuted for e in _lacking(search.lattice, r.mask))
 
 
 def _unsteady_effects(search: BorderSearch, border: Border, best: Structure) -> frozenset[str]:

@@ -24,7 +24,7 @@ from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.question import OpenQuestions
 from brightgrey.search.undecided.rivals import open_choice
-from brightgrey.search.verdicts import EffectVerdict, Reason, Size, size_in_units
+from brightgrey.search.verdicts import EffectVerdict, Reason, ReasonKind, Size, size_in_units
 
 __all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]
 
@@ -58,7 +58,7 @@ class _Case:
     border: Border
     found: Sequence[Structure]  #: Minimal structures, the best first.
     certificate: Certificate
-    unsteady: frozenset[str]  #: Effects whose gain is not there in most parts of the recordings.
+    doubtful: Mapping[str, ReasonKind]  #: Reservations on effects that the whole search gives.
     rivals: Sequence[Structure]  #: Structures beyond the lattice that fit as well.
 
     @property
@@ -97,7 +97,7 @@ def assess_effects(
     border: Border,
     found: Sequence[Structure],
     certificate: Certificate,
-    unsteady: frozenset[str],
+    doubtful: Mapping[str, ReasonKind],
     rivals: Sequence[Structure] = (),
 ) -> tuple[tuple[str, ...], tuple[EffectVerdict, ...]]:
     """Optional effects, and the verdict on every effect that some structures have and others lack.
@@ -109,12 +109,13 @@ def assess_effects(
     found : sequence of Structure
         The minimal structures, the best first.
     certificate : Certificate
-    unsteady : frozenset of str
-        Effects whose gain is not there in most parts of the recordings.
+    doubtful : mapping of str to str
+        Effects whose gain is not there in most parts of the recordings, and those without which no independent start
+        has confirmed the best fit.
     rivals : sequence of Structure
         Structures beyond the lattice that fit as well.
     """
-    case = _Case(detectability, border, found, certificate, unsteady, rivals)
+    case = _Case(detectability, border, found, certificate, doubtful, rivals)
     lattice = detectability.circumstances.lattice
     effects = [str(p) for i, p in enumerate(lattice.atoms) if lattice.optional >> i & 1]
     against: dict[str, tuple[Structure, Reason]] = {}
@@ -201,7 +202,7 @@ def _reservation(case: _Case, effect: str) -> Reason | None:
         return Reason("slow mode")
     if moving and not _shows_in_few_samples(case, effect):
         return Reason("few samples")
-    return Reason("unsteady gain") if effect in case.unsteady else None
+    return Reason(case.doubtful[effect]) if effect in case.doubtful else None
 
 
 def _shows_in_few_samples(case: _Case, effect: str) -> bool:

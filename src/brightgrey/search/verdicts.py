@@ -25,6 +25,7 @@ ReasonKind = Literal[
     "slow mode",
     "few samples",
     "unsteady gain",
+    "unconfirmed",
     "undecided",
     "contained",
     "sampling",
@@ -61,6 +62,9 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "few samples": "With residuals as slow as these that may be chance, however.",
         "unsteady gain": (
             "It helps in some parts of the recordings only, however, and they hold something that nothing explains."
+        ),
+        "unconfirmed": (
+            "No independent start of the fits without it came to the best one, however: a better one may be missed."
         ),
         "undecided": "A structure without it was not decided within the budget, however.",
         "contained": "It is a limit of another effect, which explains as well: {names}.",
