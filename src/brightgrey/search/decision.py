@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from brightgrey.arrays import Array, positive
+from brightgrey.arrays import positive
 from brightgrey.errors import SettingsError, one_of
 from brightgrey.estimation.optimisation.least_squares import polish
 from brightgrey.estimation.uncertainty.estimates import estimates_of
@@ -30,10 +30,10 @@ from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.progress import BorderProgress, SearchProgress
 from brightgrey.search.task import IdentificationTask
+from brightgrey.search.undecided.doubtful import doubtful_effects
 from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
 from brightgrey.search.undecided.rivals import rival_to_offer, rivals_among, rivals_beyond
-from brightgrey.search.verdicts import ReasonKind
 
 __all__ = ["Decision", "Ranked", "decide_structures"]
 
@@ -176,19 +176,12 @@ def _progress_of(search: BorderSearch, step: SearchProgress) -> SearchProgress:
         return known
     lattice = search.lattice
     refuted = tuple(
-        (_lacking(lattice, r.mask), float(np.sqrt(1.0 + r.excess / positive(border.least))))
+        (lattice.lacking(r.mask), float(np.sqrt(1.0 + r.excess / positive(border.least))))
         for r in sorted(border.refuted, key=lambda r: (r.excess, r.mask))
     )
     minimal = tuple(str(lattice.structure(m)) for m in border.minimal)
     left = len(border.undecided)
     return replace(known, border=BorderProgress(len(minimal) + len(refuted), left, minimal, refuted, search.most_fits))
-
-
-def _lacking(lattice: Lattice, mask: int) -> tuple[str, ...]:
-    """Effects that a structure lacks, without those that only fail because another one is missing."""
-    absent = lattice.everything & ~mask
-    atoms = enumerate(lattice.atoms)
-    return tuple(str(p) for i, p in atoms if absent >> i & 1 and not lattice.requires[i] & absent)
 
 
 def _masses_with_sensors(task: IdentificationTask, grammar: Grammar) -> tuple[str, ...]:
@@ -205,9 +198,7 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
     border, found, rivals = _rivalled(search, border, grammar, exclude)
     lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
     certificate = _certificate(search, border, grammar, found)
-    doubtful: dict[str, ReasonKind] = dict.fromkeys(_unconfirmed_effects(search, border), "unconfirmed")
-    if certificate.unexplained:
-        doubtful |= dict.fromkeys(_unsteady_effects(search, border, found[0]), "unsteady gain")
+    doubtful = doubtful_effects(search, border, found[0], unexplained=bool(certificate.unexplained))
     detectability = Detectability(search.refined, circumstances, search.executor)
     instead = [rival.structure for rival in rivals]
     for rival in rivals:
@@ -339,7 +330,7 @@ def _refuted(
     within = min((cost for m, cost in costs.items() if not m & ~r.mask), default=np.inf)
     tried = lattice.structure(search.beside_refuted(r, border))
     return RefutedStructure(
-        _lacking(lattice, r.mask),
+        lattice.lacking(r.mask),
         str(lattice.structure(r.mask)),
         float(np.sqrt(max(within / positive(least), 1.0))),
         r.excess,
@@ -347,30 +338,6 @@ def _refuted(
         str(tried),
         search.fits.agreeing.get(tried, 0),
     )
-
-
-def _unconfirmed_effects(search: BorderSearch, border: Border) -> frozenset[str]:
-    """Effects without which no independent start has confirmed the best fit."""
-    refuted = [r for r in border.refuted if search.is_unconfirmed(r, border)]
-    return frozenset(e for r in refuted for e in _lacking(search.lattice, r.mask))
-
-
-def _unsteady_effects(search: BorderSearch, border: Border, best: Structure) -> frozenset[str]:
-    """Effects without which the residual does not grow in most parts of the recordings."""
-    lattice, refined = search.lattice, search.refined
-    whitening = refined.whitening
-
-    def blocks(structure: Structure) -> Array:
-        residual = whitening.whiten(refined.jacobian(structure)[0])
-        return np.array([part @ part for part in np.array_split(residual, SELECTION.blocks)])
-
-    own, found = blocks(best), set()
-    for r in border.refuted:
-        grown = int(np.sum(blocks(lattice.structure(r.witness)) > own))
-        if grown < SELECTION.steady_blocks:
-            bare = lattice.structure(r.mask)
-            found |= {str(p) for p in lattice.atoms if has(best, str(p)) and not has(bare, str(p))}
-    return frozenset(found)
 
 
 def _ranking(search: BorderSearch, task: IdentificationTask, evidence: Evidence | None) -> tuple[Ranked, ...]:

@@ -195,6 +195,11 @@ class Lattice:
             found |= {m | bit for m in found if not self.requires[bit.bit_length() - 1] & ~m}
         return sorted(found, key=lambda m: (m.bit_count(), m))
 
+    def lacking(self, mask: int) -> tuple[str, ...]:
+        """Effects that a structure lacks, without those that only fail because another one is missing."""
+        absent = self.everything & ~mask
+        return tuple(str(p) for i, p in enumerate(self.atoms) if absent >> i & 1 and not self.requires[i] & absent)
+
 
 def _count(free: frozenset[int], requires: Mapping[int, int]) -> int:
     """Number of sets of `free` atoms in which each atom has those of the free ones that it requires."""
