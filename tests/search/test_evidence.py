@@ -60,15 +60,25 @@ def test_evidence__friction__truth_is_only_minimal_structure(friction):
     assert friction.optional == ()
 
 
-def test_verdict__no_independent_start_confirms_a_refutation__only_a_large_one_makes_an_effect_needed(monkeypatch):
+WEAK = {"J1": 0.02, "M_C": 0.5, "f_v": 0.002}
+
+
+def test_verdict__no_start_confirms_a_refutation__only_a_large_one_makes_an_effect_needed(monkeypatch):
     """A residual without viscous friction that is 1 % larger may be an optimum that was missed; five times is not."""
-    task = task_of("one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 0.5, "f_v": 0.002}, reversing(), 0.1)
-    confirmed = cards_of(evidence(task, ("coulomb", "viscous")))
-    monkeypatch.setattr(BorderSearch, "restart", lambda search, border: False)
-    found = cards_of(evidence(task, ("coulomb", "viscous")))
-    assert [confirmed[e].verdict for e in ("coulomb", "viscous")] == ["needed", "needed"]
+
+    def ends_elsewhere(search, structure):
+        search.restarts[structure] = search.restarts.get(structure, 0) + 1
+
+    monkeypatch.setattr(BorderSearch, "restart_at", ends_elsewhere)
+    found = cards_of(evidence(task_of("one_mass+coulomb+viscous", WEAK, reversing(), 0.1), ("coulomb", "viscous")))
     assert [found[e].verdict for e in ("coulomb", "viscous")] == ["needed", "not decidable"]
-    assert "No independent start" in found["viscous"].reason
+    assert "from other starting values" in found["viscous"].reason
+
+
+def test_verdict__budget_spent__refutations_are_confirmed_all_the_same(monkeypatch):
+    monkeypatch.setattr(BorderSearch, "is_spent", True)
+    found = cards_of(evidence(task_of("one_mass+coulomb+viscous", WEAK, reversing(), 0.1), ("coulomb", "viscous")))
+    assert [found[e].verdict for e in ("coulomb", "viscous")] == ["needed", "needed"]
 
 
 def test_verdict__each_effect__loss_gain_and_sentence(friction):

@@ -39,7 +39,6 @@ class BorderSearch(OfferingSearch):
         super().__post_init__()
         self.refined = RefinedFits(self.task, self.fits, self.executor)
         self.tops: set[Structure] = set()
-        self.restarts: dict[Structure, int] = {}
         self.flipped: set[int] = set()
         self.thorough = False
         self.most_fits = self.policy.max_fits
@@ -207,7 +206,7 @@ class BorderSearch(OfferingSearch):
             if wanted:
                 self.fit(wanted)
                 self.fits.continue_to_submodels(self.executor)
-            elif spent or not self.restart(border):
+            elif (spent or not self.restart(border)) and not self.confirm(border):
                 return border
 
     @property
@@ -296,15 +295,23 @@ class BorderSearch(OfferingSearch):
                         self.fit([structure])
                         self.restart_at(structure)
                         return True
-        for found in nearest:
+        return False
+
+    def confirm(self, border: Border) -> bool:
+        """Restart where no start has ended at the optimum on which a refutation rests; returns False if none is left.
+
+        It adds no structures to the table, and so it does not depend on the budget.
+        """
+        most = 1 if self.has_model_error() else self.policy.restarts_unconfirmed
+        for found in border.refuted:
             structure = self.lattice.structure(self.beside_refuted(found, border))
-            if self.is_unconfirmed(found, border) and self.lacks_agreement(structure, self.policy.restarts_unconfirmed):
+            if self.is_unconfirmed(found, border) and self.lacks_agreement(structure, most):
                 self.restart_at(structure)
                 return True
         return False
 
     def is_unconfirmed(self, found: Refutation, border: Border) -> bool:
-        """True if no independent start has ended at the optimum on which a refutation rests, unless that is sure."""
+        """True if no start has ended at the optimum on which a refutation rests, unless that is far above chance."""
         structure = self.lattice.structure(self.beside_refuted(found, border))
         return found.excess < self.policy.sure * found.threshold and not self.fits.agreeing.get(structure, 0)
 
@@ -341,6 +348,10 @@ class BorderRefit(BorderSearch):
         return self.in_rounds()
 
     def restart(self, border: Border) -> bool:
+        """Return False: no multistart is made."""
+        return False
+
+    def confirm(self, border: Border) -> bool:
         """Return False: no multistart is made."""
         return False
 

@@ -145,7 +145,7 @@ class Detectability:
             masks = self.hidden_by(structure, effect, size)
             if masks is not None:
                 return Obstacle("masked", size, masks[0]) if masks else Obstacle("not detectable", size)
-        task, own = self.refined.judged, self.refined.of(structure)
+        task, own = self.refined.task, self.refined.of(structure)
         values, refits = {**task.default_start(big), **own.values}, []
         for size in sizes:
             moved = {name: value for name, value in size.items() if name in structure.parameters}
@@ -232,7 +232,7 @@ class Detectability:
 
     def _with_largest_load(self, structure: Structure) -> IdentificationTask | None:
         """The task with the last inertia at its largest; None if the user says how large that is."""
-        placed, task = structure.placed[0], self.refined.judged
+        placed, task = structure.placed[0], self.refined.task
         space = task.space(structure)
         load = next((placed.parameter(q.symbol) for q in placed.effect.parameters[::-1] if q.dimension == INERTIA), "")
         if load in task.bounds or load not in space.names:

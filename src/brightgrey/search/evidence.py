@@ -194,7 +194,7 @@ def _reservation(case: _Case, effect: str) -> Reason | None:
     refined, placed = case.detectability.refined, Placed.parse(effect)
     masses = placed.effect.masses
     # with more masses than asked for, the last one may be a wall or too slow, and enough are left
-    found = [s for s in case.found if not masses or s.masses == masses]
+    found = [s for s in case.found if s.masses == masses] or case.found
     if case.detectability.runs_away(found, effect):
         return Reason("inertia at bound" if masses else "gap at bound")
     moving = masses or placed.effect.has_hard_limit

@@ -104,7 +104,7 @@ class BorderPolicy:
     restarts_costly: int = 1  #: With a hard limit, or where the excess is far above its threshold.
     restarts_unconfirmed: int = 4  #: Where no independent start has ended at that optimum yet.
     #: Multiple of its threshold up to which an excess has to be confirmed by an independent start. In bench/recovery.py
-    #: 10 of 44 effects whose excess was not confirmed were not there, and 1 of 191 above.
+    #: 10 of 44 effects were not there whose excess was less and not confirmed, and 1 of 191 with more.
     sure: float = 16.0
     #: Batches without improvement after which a multistart with a hard limit ends.
     patience_hard_limit: int = 2

@@ -64,7 +64,7 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
             "It helps in some parts of the recordings only, however, and they hold something that nothing explains."
         ),
         "unconfirmed": (
-            "No independent start of the fits without it came to the best one, however: a better one may be missed."
+            "Fits without it from other starting values ended elsewhere, however. A better one may have been missed."
         ),
         "undecided": "A structure without it was not decided within the budget, however.",
         "contained": "It is a limit of another effect, which explains as well: {names}.",

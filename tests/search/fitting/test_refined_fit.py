@@ -8,7 +8,6 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from brightgrey.kit import PAPER
-from brightgrey.search.adequacy import material_growth
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.refined_fit import Refined, RefinedFits, accurate, refine, whitening_by
 from brightgrey.search.fitting.structure_fit import StructureFit
@@ -53,7 +52,7 @@ def test_refine__coloured_noise__lower_whitened_cost_at_scipys_optimum(coloured)
     begin = np.log([fitted.values[name] for name in VALUES])
     unweighted = float(np.sum(whitened(begin) ** 2))
     wanted = least_squares(whitened, begin, method="lm", xtol=1e-12, ftol=1e-12)
-    found = refine(accurate(task), TRUTH, {n: 1.05 * v for n, v in fitted.values.items()}, whitening, np.inf)
+    found = refine(task, TRUTH, {n: 1.05 * v for n, v in fitted.values.items()}, whitening, np.inf)
     deviance = found.deviance - whitening.floor_deviance
     assert found.finished
     assert deviance < unweighted - REFINEMENT.negligible  # unweighted squares are not efficient here
@@ -65,7 +64,7 @@ def test_refine__coloured_noise__lower_whitened_cost_at_scipys_optimum(coloured)
 
 def test_refine__free_parameters_and_cost__those_of_the_fit(coloured):
     task, fitted, whitening = coloured
-    found = refine(accurate(task), TRUTH, fitted.values, whitening, np.inf)
+    found = refine(task, TRUTH, fitted.values, whitening, np.inf)
     values = {name: np.array([found.values[name]]) for name in VALUES}
     assert found.free == 3
     assert found.at_bound == ()
@@ -104,21 +103,6 @@ def test_refined_fits__hopeless_fit__made_exact_when_it_is_asked_for(coloured):
         residual, jacobian, inside = refined.jacobian(TRUTH)
     assert residual @ residual == pytest.approx(first[TRUTH].cost)
     assert (jacobian.shape, inside) == ((residual.size, 3), (0, 1, 2))
-
-
-def test_begin_round__growth_that_does_not_matter__says_at_which_level_fits_are_judged(coloured):
-    """Level ``fast`` makes an error of 1e-9 of the deviance here: far below 4 %, and not below nothing."""
-    task, fitted, _ = coloured
-    with thread_pool(None) as workers:
-        fits = FitTable(task, [TRUTH])
-        fits.done[TRUTH] = fitted
-        refined = RefinedFits(task, fits, workers)
-        refined.begin_round(TRUTH)
-        assert refined.judged == accurate(task)
-        refined.begin_round(TRUTH, material_growth(model_error=True))
-        assert refined.judged == task
-        exact = refine(accurate(task), TRUTH, fitted.values, refined.whitening, np.inf)
-        assert refined.of(TRUTH).deviance == pytest.approx(exact.deviance, rel=1e-3)
 
 
 def test_runaway__parameter_at_bound__unless_the_bound_is_the_users(coloured):

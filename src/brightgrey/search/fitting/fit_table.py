@@ -111,6 +111,11 @@ class FitTable:
         (self.done[structure],) = self.tried([(structure, values)], workers)
         return self.done[structure]
 
+    def forget(self, structure: Structure) -> None:
+        """Take a structure out of the table."""
+        del self.done[structure]
+        self.agreeing.pop(structure, None)
+
     def tried(self, starts: Sequence[tuple[Structure, Mapping[str, float]]], workers: Executor) -> list[StructureFit]:
         """Fits of structures from values of their parameters, SI, that are not taken into the table."""
         begun = []
@@ -246,14 +251,15 @@ class FitTable:
 
     def _much_better(self, known: StructureFit, new: StructureFit) -> bool:
         """Keep a further fit if it is clearly better; returns True if it is."""
+        if better := new.cost < REFIT.improved * known.cost:
+            self._taken(known.structure, new)
+        else:
+            self._noted(False, new)
         if new.cost < known.cost / (1.0 + SAME_OPTIMUM_RTOL):
             self.agreeing[known.structure] = new.agreeing
         elif new.cost <= known.cost * (1.0 + SAME_OPTIMUM_RTOL):
             self.agreeing[known.structure] = self.agreeing.get(known.structure, 0) + new.agreeing
-        if new.cost < REFIT.improved * known.cost:
-            return self._taken(known.structure, new)
-        self._noted(False, new)
-        return False
+        return better
 
     def _settled(self, before: Sequence[Structure], latest: Sequence[Structure], workers: Executor) -> set[Structure]:
         """Refit neighbours of the `latest` fits where that helps; returns those that got better."""
@@ -385,7 +391,10 @@ class FitTable:
     def _taken(self, s: Structure, fitted: StructureFit) -> bool:
         """Keep a further fit if it is better; returns True if it is."""
         self._noted(False, fitted)
-        if not fitted.cost < self.done[s].cost:
+        known = self.done[s]
+        if not fitted.cost < known.cost:
             return False
+        if fitted.cost < known.cost / (1.0 + SAME_OPTIMUM_RTOL):
+            self.agreeing.pop(s, None)  # they have ended elsewhere
         self.done[s] = fitted
         return True

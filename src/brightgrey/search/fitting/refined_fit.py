@@ -1,7 +1,4 @@
-"""Refined fits: those of the table polished in the whitened cost of a round.
-
-They are simulated at level ``accurate``. Level ``fast`` does where its error is far below what matters.
-"""
+"""Refined fits: those of the table at level ``accurate``, polished in the whitened cost of a round."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from brightgrey.arrays import Array, positive
+from brightgrey.arrays import Array
 from brightgrey.effects import INERTIA, STIFFNESS
 from brightgrey.estimation.noise.error_floor import error_variances
 from brightgrey.estimation.noise.whitening import Whitening
@@ -33,7 +30,7 @@ __all__ = ["Refined", "RefinedFits", "accurate", "refine", "residual_and_jacobia
 
 @dataclass(frozen=True)
 class Refined:
-    """A structure at its least whitened cost."""
+    """A structure at level ``accurate``."""
 
     structure: Structure
     values: Mapping[str, float]  #: SI, those that were estimated first.
@@ -105,7 +102,6 @@ def refine(
     Parameters
     ----------
     task : IdentificationTask
-        Its settings say at which level is simulated.
     structure : Structure
     values : mapping of str to float
         SI.
@@ -116,7 +112,7 @@ def refine(
         Growth of the deviance, as a part of it, that does not matter; a small part of it is not worth a step either.
     """
     problem, space = task.problem_and_space(structure)
-    settings = task.settings
+    settings = accurate(task).settings
     start = np.clip([values.get(n, v) for n, v in zip(space.names, space.start, strict=True)], space.low, space.high)
     theta, damping = space.to_scaled(start), LM_DEFAULTS.initial_damping
     residual, jacobian = evaluate(problem, space, settings, theta)
@@ -183,11 +179,6 @@ def _steps(theta: Array, normal: NormalEquations, scale: Array, factors: Array, 
 class RefinedFits:
     """Refined fits of the structures of a table, made when they are asked for and again when the table has better ones.
 
-    Attributes
-    ----------
-    judged : IdentificationTask
-        The task at the level of the round.
-
     Parameters
     ----------
     task : IdentificationTask
@@ -198,7 +189,6 @@ class RefinedFits:
 
     def __init__(self, task: IdentificationTask, fits: FitTable, executor: Executor) -> None:
         self.fits, self.task, self._executor = fits, task, executor
-        self.judged = accurate(task)
         self._refined: dict[Structure, tuple[float, Refined]] = {}
         self._beyond: dict[Structure, Refined] = {}
         self._jacobians: dict[Structure, tuple[Refined, tuple[Array, Array, tuple[int, ...]]]] = {}
@@ -222,21 +212,10 @@ class RefinedFits:
         known = self._refined.get(reference)
         values = known[1].values if known else self.fits.done[reference].values
         self._whitening = whitening_by(self.task, reference, values)
-        coarse_will_do = self._error_of_fast_level(reference, values) < REFINEMENT.of_material * material_growth
-        self.judged = self.task if coarse_will_do else accurate(self.task)
         starts = {s: r.values for s, (_, r) in self._refined.items()}
         self._refined.clear()
         self._beyond.clear()
         self._starts = starts
-
-    def _error_of_fast_level(self, structure: Structure, values: Mapping[str, float]) -> float:
-        """Whitened sum of squares of the error that the task's own level makes, as a part of the deviance."""
-        problem, space = self.task.problem_and_space(structure)
-        known = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **values}
-        one = {name: np.array([known[name]]) for name in (*space.names, *space.fixed)}
-        residuals = [problem.residuals(one, t.settings)[:, 0] for t in (self.task, accurate(self.task))]
-        fast, exact = (self.whitening.whiten(r) for r in residuals)
-        return float(np.square(fast - exact).sum() / positive(float(exact @ exact) + self.whitening.floor_deviance))
 
     def adopt(self, refined: Refined) -> None:
         """Keep a refined fit of a structure that has no place in the table, until the round ends."""
@@ -303,7 +282,7 @@ class RefinedFits:
         for f in fitted:
             known = self._refined.get(f.structure)
             start = self._starts.get(f.structure, f.values) if known is None else f.values
-            calls.append((self.judged, f.structure, start, self.whitening, hopeless, self._material_growth))
+            calls.append((self.task, f.structure, start, self.whitening, hopeless, self._material_growth))
         for f, found in zip(fitted, in_order(self._executor, refine, calls), strict=True):
             known = self._refined.get(f.structure)
             if known is None or not known[1].finished or found.deviance < known[1].deviance:

@@ -56,6 +56,7 @@ class OfferingSearch:
         self.anchors = anchors(self.lattice)
         self.fits = FitTable(self.task, (), options=self.options, seed=self.seed, anchors=self.anchors)
         self.offered: tuple[Placed, ...] = ()
+        self.restarts: dict[Structure, int] = {}  # multistarts of each structure
         self.least_cost = np.inf  # of all fits, those included that have been left out
         self._model_error: dict[tuple[Structure, float], bool] = {}
         self._larger: dict[tuple[bool, Structure, float, tuple[Placed, ...]], StructureFit | None] = {}
@@ -162,7 +163,8 @@ class OfferingSearch:
         self.lattice = self.with_effects(self.offered, most)
         lattice = self.lattice
         for s in [s for s in self.fits.done if s.masses > most or lattice.structure(lattice.mask(s)) != s]:
-            del self.fits.done[s]  # too many masses, or an effect that is excluded now
+            self.restarts.pop(s, None)
+            self.fits.forget(s)  # too many masses, or an effect that is excluded now
         self.anchors = anchors(self.lattice)
         self.fit(self.anchors)
 
@@ -198,8 +200,8 @@ class OfferingSearch:
     def with_one_more(self, own: StructureFit) -> StructureFit | None:
         """A fit with the further effect that explains most of what a structure leaves; None if none is notable.
 
-        First-order scores choose which are fitted. So is dry friction that is there at another mass. Of those that
-        explain alike the one with fewest parameters is taken, and fitted by multistart if it is bent.
+        First-order scores choose which are fitted. Dry friction that stands at another mass is tried in its place. Of
+        those that explain alike the one with fewest parameters is taken, and fitted by multistart if it is bent.
         """
         found = further_effects(self.task, own, self.more, self.seed) + moved_effects(self.task, own, self.more)
         fits = self.fits.tried([_with_effect(own, f) for f in found], self.executor)

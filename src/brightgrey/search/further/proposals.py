@@ -117,7 +117,8 @@ def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence
             start = {placed.parameter(q.symbol): fitted.values[own.parameter(q.symbol)] for q in own.effect.parameters}
             sizes = [own.parameter(q.symbol) for q in own.effect.parameters if q.size]
             gone = {name: max(least[name], 0.0) for name in sizes if name in least}
-            found.append(FurtherEffect(placed, added_with(placed, fitted.structure), {**start, **gone}))
+            if len(gone) == len(sizes):  # what is fixed cannot vanish
+                found.append(FurtherEffect(placed, added_with(placed, fitted.structure), {**start, **gone}))
     return tuple(found)
 
 

@@ -47,7 +47,7 @@ class LargestRivals:
             for structure in self.without(truth, rival):
                 wanted.setdefault(structure, rival)
         refined = self.detectability.refined
-        task, least = refined.judged, {s: self.least_sizes(s, rival) for s, rival in wanted.items()}
+        task, least = refined.task, {s: self.least_sizes(s, rival) for s, rival in wanted.items()}
         starts = {s: {**task.default_start(s), **refined.of(rival).values, **least[s]} for s, rival in wanted.items()}
         material = self.detectability.circumstances.material_growth
         calls = [(task, s, start, refined.whitening, np.inf, material) for s, start in starts.items()]

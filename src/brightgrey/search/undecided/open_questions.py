@@ -167,7 +167,7 @@ class _HeldSize:
 
     def task(self, multiple: float) -> IdentificationTask:
         """The task with the effect's own parameters fixed."""
-        task = self.detectability.refined.judged
+        task = self.detectability.refined.task
         own = {n: v for n, v in self.at(multiple).items() if n not in self.structure.parameters}
         return replace(task, fixed={**task.fixed, **own})
 

@@ -307,7 +307,7 @@ class _Exchange:
         """Refined fits from some values; once more where these are better than the end of an earlier fit."""
         refined, workers = self.detectability.refined, self.detectability.executor
         fits = refined.fits.tried([(s, values) for s, values in starts if self.is_worth_a_fit(s, values)], workers)
-        calls = [(refined.judged, f.structure, f.values, refined.whitening, np.inf) for f in fits]
+        calls = [(refined.task, f.structure, f.values, refined.whitening, np.inf) for f in fits]
         for end in in_order(workers, refine, calls):
             known = self.fitted.get(end.structure, end)
             self.fitted[end.structure] = min(known, end, key=lambda r: r.deviance)
@@ -326,13 +326,13 @@ class _Exchange:
         known = self.fitted.get(structure)
         if known is None or self.is_adequate(known):
             return known is None
-        task = self.detectability.refined.judged
+        task = self.detectability.refined.task
         problem, space = task.problem_and_space(structure)
         start = np.clip(
             [values.get(n, v) for n, v in zip(space.names, space.start, strict=True)], space.low, space.high
         )
         at = {name: np.array([value]) for name, value in (*zip(space.names, start, strict=True), *space.fixed.items())}
-        return float(problem.costs(at, task.settings)[0]) < known.cost
+        return float(problem.costs(at, accurate(task).settings)[0]) < known.cost
 
     def far(self, own: Refined) -> float:
         """Predicted deviance above which an exchange is not worth a fit."""
