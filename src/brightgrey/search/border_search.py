@@ -60,8 +60,8 @@ class BorderSearch(OfferingSearch):
             self.fit_largest()
         if not np.isfinite(self.fits.best().cost):
             raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
-        while self.offer_further(self.fits.best().structure.masses - 1) or self.offer_mass_left_out():
-            pass  # before anything is decided
+        while self.offer_further(self.fits.best().structure.masses - 1) or self.offer_more():
+            pass  # before more masses are gone into, or anything is decided
         if not (everything or self.offered):  # where no further effect takes their part, gaps and masses are gone into
             self.thorough = True
             self.restarts = {s: n for s, n in self.restarts.items() if not s.has_hard_limit}
@@ -76,6 +76,11 @@ class BorderSearch(OfferingSearch):
             if not (self.offer_further(masses) or self.offer_mass_left_out() or self.offer_mass(masses)):
                 return border
             border = self.in_rounds()
+
+    def offer_more(self) -> bool:
+        """Offer effects beside the best structure, or masses that were left out, where effects have been offered."""
+        masses = self.fits.best().structure.masses
+        return bool(self.offered) and (self.offer_further(masses) or self.offer_mass_left_out())
 
     def fit_largest(self) -> None:
         """Fit the structures with most effects, until nothing is left to explain or to try."""
@@ -239,13 +244,10 @@ class BorderSearch(OfferingSearch):
     def shrunk(self, border: Border, done: Set[int]) -> list[int]:
         """Structures that the simplest minimal one is compared with: those that lack one of its atoms.
 
-        What lies within a structure that leaves far too much is not fitted.
+        They are fitted even within one that leaves far too much: that optimum may have been missed.
         """
-        far = self.policy.far * self.round.largest_threshold(border.least)
-        poor = [m for m, excess in border.excess.items() if excess > far]
         for mask in sorted(border.minimal, key=lambda m: (m.bit_count(), border.excess[m], m)):
-            smaller = [m for m in self.children(mask) if m not in done]
-            missing = [m for m in smaller if all(m & ~larger for larger in poor)]
+            missing = [m for m in self.children(mask) if m not in done]
             if missing:
                 return missing
         return []
@@ -300,20 +302,25 @@ class BorderSearch(OfferingSearch):
     def confirm(self, border: Border) -> bool:
         """Restart where no start has ended at the optimum on which a refutation rests; returns False if none is left.
 
-        It adds no structures to the table, and so it does not depend on the budget.
+        It does not depend on the budget of structures: it fits no others than those on which refutations rest.
         """
-        most = 1 if self.has_model_error() else self.policy.restarts_unconfirmed
+        most = self.policy.restarts_unconfirmed
         for found in border.refuted:
             structure = self.lattice.structure(self.beside_refuted(found, border))
             if self.is_unconfirmed(found, border) and self.lacks_agreement(structure, most):
+                self.fit([structure])
                 self.restart_at(structure)
                 return True
         return False
 
     def is_unconfirmed(self, found: Refutation, border: Border) -> bool:
-        """True if no start has ended at the optimum on which a refutation rests, unless that is far above chance."""
-        structure = self.lattice.structure(self.beside_refuted(found, border))
-        return found.excess < self.policy.sure * found.threshold and not self.fits.agreeing.get(structure, 0)
+        """True if no start has ended at the optimum on which a refutation rests, unless that is far above chance.
+
+        With model error no optimum is the truth, and a refutation stands for a notable part of the residual.
+        """
+        if found.excess >= self.policy.sure * found.threshold or self.has_model_error():
+            return False
+        return not self.fits.agreeing.get(self.lattice.structure(self.beside_refuted(found, border)), 0)
 
     @property
     def hard_limits(self) -> int:
