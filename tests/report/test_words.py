@@ -189,6 +189,17 @@ def test_headline__search__says_what_is_absent_and_what_is_open():
     )
 
 
+def test_headline__many_effects_of_which_one_is_needed__names_the_first_of_them_once():
+    """The table of effects has them all; a list over several sentences would not be read."""
+    names = tuple(f"Coulomb friction at mass {k}" for k in range(1, 9))
+    why = [Reason("one of several", names=names[i : i + 4]) for i in (0, 4)]
+    cards = [EffectVerdict(f"coulomb@{k}", "not decidable", None, None, reason) for k, reason in enumerate(why, 2)]
+    found = headline(Content(model_with_intervals("two_mass+coulomb"), evidence=evidence_of(cards)))
+    assert found.open.count("Among them are") == 1
+    assert names[3] in found.open
+    assert names[4] not in found.open
+
+
 def test_listing__too_many_items__several_sentences():
     text = listing("No", [f"effect of kind {k}" for k in range(20)], "or")
     sentences = text.split(". ")

@@ -11,6 +11,7 @@ from brightgrey.recordings.units.amounts import rounded
 from brightgrey.report.content import Content
 from brightgrey.report.text.prose import listing
 from brightgrey.report.text.tables import fit_rows, parameter_rows
+from brightgrey.search.policy import FURTHER
 
 __all__ = ["Headline", "headline"]
 
@@ -108,7 +109,7 @@ def _open(content: Content) -> str:
         parts.append(listing("The recording does not decide whether the drive has", items, "or"))
         if alternatives:
             parts.append("One of several effects is needed, and the recording does not say which.")
-            parts.append(listing("Among them are", list(alternatives), "and"))
+            parts.append(listing("Among them are", list(alternatives)[: FURTHER.named], "and"))
     minimal = model.ties.minimal if model.ties else ()
     if len(minimal) > 1:
         parts.append(f"This is the first of {len(minimal)} structures that explain it equally well.")
