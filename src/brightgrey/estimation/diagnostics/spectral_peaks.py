@@ -54,14 +54,17 @@ def highest_peak(
     bins, around = _tested_bins(len(power), tapers, options)
     if not bins.size or not power.any():
         return None
-    ratio, of_known = _ratio(power, bins, around, tapers, options), np.ones(bins.size)
+    ratio = _ratio(power, bins, around, tapers, options)
+    independent = np.array([max(2.0 * w / (tapers + 1.0), 1.0) for w in around])
+    degrees = 2.0 * tapers * independent * (2.0 / np.pi)  # a median has 2/pi of the efficiency of a mean
+    above = ratio / fisher.isf(level / bins.size, 2.0 * tapers, degrees)
+    if not above.max() > 1.0:  # as in most residuals, whatever the known signals have there
+        return None
+    of_known = np.ones(bins.size)
     for x in (u, *known):
         other = np.square(np.abs(_eigenspectra(x, tapers))).mean(axis=0)
         of_known = np.maximum(of_known, _ratio(other, bins, around, tapers, options))
-    independent = np.array([max(2.0 * w / (tapers + 1.0), 1.0) for w in around])
-    degrees = 2.0 * tapers * independent * (2.0 / np.pi)  # a median has 2/pi of the efficiency of a mean
-    limit = fisher.isf(level / bins.size, 2.0 * tapers, degrees)
-    above = ratio / (limit * of_known)
+    above /= of_known
     best = int(np.argmax(above))
     if not above[best] > 1.0:
         return None

@@ -8,14 +8,18 @@ import html
 import json
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.errors import SettingsError
+from brightgrey.model.files import write_file
 from brightgrey.report.charts.chart import Chart, Line, Panel
 from brightgrey.report.options import REPORT_OPTIONS
+from brightgrey.simulation.kernel.machine.compilation import cache_folder
 
 __all__ = ["library", "plot", "script"]
 
@@ -26,11 +30,19 @@ HEIGHT, BETWEEN, BELOW, ABOVE, MARKED = 250, 26, 52, 34, 14  # pixels: panel of 
 def library() -> str:
     """plotly.js, which the page carries in itself: packed by gzip, in base64. It has 4.6 MB of text.
 
-    A third of the time of the best compression gives a page that is a tenth larger.
+    Packing takes as long as the rest of the page, so what is packed is kept beside the compiled kernel.
     """
+    import plotly
     from plotly.offline import get_plotlyjs
 
-    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), compresslevel=3, mtime=0)).decode()
+    kept = cache_folder().parent / f"plotly-{plotly.__version__}.js.gz"
+    try:
+        packed = kept.read_bytes()
+    except OSError:
+        packed = gzip.compress(get_plotlyjs().encode(), mtime=0, compresslevel=6)
+        with suppress(OSError, SettingsError):  # a cache that cannot be written costs time and nothing else
+            write_file(kept, packed)
+    return base64.b64encode(packed).decode()
 
 
 def script(value: Any) -> str:
