@@ -241,6 +241,7 @@ def _rivalled(
 
     The effects of a rival that refutes the minimal structures, or that has fewer masses, are offered, once.
     """
+    rivals: tuple[Refined, ...] = ()
     for offering in (True, False):
         found = _in_order(search, [search.lattice.structure(m) for m in border.minimal])
         detectability = Detectability(search.refined, search.round, search.executor)
@@ -248,7 +249,8 @@ def _rivalled(
             return border, found, rivals_among(detectability, found, search.beyond_lattice())
         others = [p for p in grammar.whole.placed if p not in search.lattice.atoms and not p.effect.masses]
         beyond = [p for p in others if not is_excluded(p, exclude)]
-        rivals = rivals_beyond(detectability, found, beyond, search.seed, fewer_masses=not search.has_model_error())
+        fewer = not search.has_model_error()
+        rivals = rivals_beyond(detectability, found, beyond, search.seed, fewer_masses=fewer, known=rivals)
         chosen = rival_to_offer(detectability, found, rivals, len(beyond)) if offering else None
         if chosen is None or not search.offer_rival(chosen.structure, chosen.values):
             break

@@ -5,9 +5,9 @@ model error, each further effect is simulated once, at the least size that matte
 What its change shares with the residual, beyond what the structure's own parameters explain, is its score
 (Rao 1948, doi:10.1017/S0305004100023987).
 
-First-order changes say little of an effect that detunes a resonance: the structure without it has fitted another
-frequency. They say as little of a load that turns with the position many times. Such effects are fitted beside the
-structure by multistart.
+First-order changes say little of an effect that moves a resonance, as any spring does: the structure without it has
+fitted another frequency. They say as little of a load that turns with the position many times. Such effects are fitted
+beside the structure by multistart.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from brightgrey.arrays import Array
+from brightgrey.arrays import Array, positive
 from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS
 from brightgrey.estimation.diagnostics.residual_tests import Candidate, detect_regressors
 from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
 from brightgrey.estimation.optimisation.torque_regression import with_waves
 from brightgrey.kit import Placed, Structure, function_set
+from brightgrey.search.criteria import bic
 from brightgrey.search.fitting.refined_fit import Refined, accurate, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart
 from brightgrey.search.parallel import in_order
@@ -37,13 +38,13 @@ __all__ = [
     "added_with",
     "by_score",
     "changes_beside",
-    "effect_by_multistart",
+    "effects_by_multistart",
     "explains_more_in_place",
     "follows_further_effect",
     "further_effects",
-    "is_bent",
     "least_rival_cost",
     "moved_effects",
+    "moves_resonances",
 ]
 
 
@@ -137,21 +138,25 @@ def by_score(changes: Sequence[EffectChanges], left: Array) -> list[tuple[float,
     return [(float(scores.max()), _start(c, left, int(np.argmax(scores)))) for scores, c in scored]
 
 
-def is_bent(placed: Placed) -> bool:
-    """True if a torque is no straight line over the twist of a shaft or a position: descents end at local optima."""
-    return placed.effect.detunes_resonances or placed.effect.may_be_unstable
+def moves_resonances(placed: Placed) -> bool:
+    """True if a torque depends on a position, or is no straight line over a twist: no first step leads to its optimum.
+
+    A spring to the ground makes an oscillator of a rigid drive.
+    """
+    return placed.effect.detunes_resonances or placed.effect.port_reads == "position"
 
 
-def effect_by_multistart(
+def effects_by_multistart(
     task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int, workers: Executor
-) -> FurtherEffect | None:
-    """The effect bent over a twist or a position that explains most by multistart, if that is a notable part."""
-    bent = [p for p in _possible(fitted, more) if is_bent(p)]
-    fits = in_order(workers, fit_multistart, [(task, _with(fitted, p), FURTHER_STARTS, seed) for p in bent])
-    for placed, fit in sorted(zip(bent, fits, strict=True), key=lambda pair: pair[1].cost)[:1]:
-        if fitted.cost - fit.cost >= FURTHER.notable_gain * fitted.cost:
-            return FurtherEffect(placed, added_with(placed, fitted.structure), fit.values)
-    return None
+) -> tuple[FurtherEffect, ...]:
+    """Effects that move resonances and explain a notable part, each fitted by multistart; the best by BIC first."""
+    tried = [p for p in _possible(fitted, more) if moves_resonances(p)]
+    fits = in_order(workers, fit_multistart, [(task, _with(fitted, p), FURTHER_STARTS, seed) for p in tried])
+    enough = (1.0 - FURTHER.notable_gain) * fitted.cost
+    notable = [(p, f) for p, f in zip(tried, fits, strict=True) if f.cost <= enough]
+    samples = sum(r.y.size for r in task.recordings)
+    notable.sort(key=lambda pair: bic(positive(pair[1].cost), samples, pair[1].free))
+    return tuple(FurtherEffect(p, added_with(p, fitted.structure), f.values) for p, f in notable)
 
 
 def least_rival_cost(found: Sequence[Placed], done: Mapping[Structure, StructureFit]) -> float:

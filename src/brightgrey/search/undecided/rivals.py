@@ -2,8 +2,9 @@
 
 Friction at one mass may pass for friction at another, a pendulum for gravity, a hardening spring for a gap. So each
 effect of a minimal structure is exchanged for others. The Jacobian at its optimum and one simulation of each other
-effect predict what an exchange would leave; what may explain as well is fitted. A rival loses what it does not need,
-and is exchanged in turn.
+effect predict what an exchange would leave; what may explain as well is fitted. So is what explains nearly all that is
+lost without the effect: with little noise a small error of the prediction is far above chance. A rival loses what it
+does not need, and is exchanged in turn.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from brightgrey.search.further.proposals import (
     added_with,
     by_score,
     changes_beside,
-    effect_by_multistart,
+    effects_by_multistart,
     further_effects,
 )
 from brightgrey.search.lattice import contains, mass_chain_of
@@ -48,6 +49,7 @@ def rivals_beyond(
     seed: int,
     *,
     fewer_masses: bool,
+    known: Sequence[Refined] = (),
 ) -> tuple[Refined, ...]:
     """Refined fits with other effects in the place of some that are adequate as those of the lattice are.
 
@@ -66,10 +68,15 @@ def rivals_beyond(
     fewer_masses : bool
         Let them take the place of the last mass or a gap, too. Where the residual holds more than noise, that was tried
         before more masses were gone into.
+    known : sequence of Refined
+        Rivals of a smaller lattice, which may be rivals of this one, too.
     """
     exchange = _Exchange(detectability, tuple(effects), seed, list(found))
-    queue = [detectability.refined.of(s) for s in found]
-    rivals, hard = list[Refined](), fewer_masses
+    beyond = [r for r in known if exchange.is_new(r.structure) and not r.structure.beside.isdisjoint(effects)]
+    rivals = [end for end in exchange.ends([(r.structure, r.values) for r in beyond]) if exchange.is_adequate(end)]
+    exchange.minimal.extend(r.structure for r in rivals)
+    queue = [*(detectability.refined.of(s) for s in found), *rivals]
+    hard = fewer_masses
     while queue and len(rivals) < FURTHER.most_rivals:
         own = queue.pop(0)
         more = exchange.of(own) + (exchange.of_hard(own) if hard else [])
@@ -181,7 +188,9 @@ class _Exchange:
         for gone in (p for p in self.removable(own.structure) if not p.effect.has_hard_limit):
             without = at.without(gone)
             scored = by_score([without.beyond(c) for c in changes], without.left)
-            worth = [f for score, f in scored if without.deviance - score <= self.far(own)]
+            lost = without.deviance - own.deviance
+            enough = min(without.deviance - self.far(own), FURTHER.imitated_share * lost)
+            worth = [f for score, f in scored if score >= enough]
             starts = {f.placed: f.start for f in worth[: FURTHER.exchanged]} | self.moved(own, gone)
             found += self.rivals(own, without.structure, starts)
         return found + self.of_excluded(own)
@@ -230,23 +239,26 @@ class _Exchange:
         """Fits with a further effect in the place of the last mass, or of a gap.
 
         No derivative tells what these leave: the structure without them is fitted, and then with each of the effects.
-        In the place of a mass, the best of the bent ones is found by multistart.
+        A mass brings damping, too, which friction has to give then. So its place is taken beside all other effects, and
+        those that move resonances are fitted by multistart.
         """
         refined, found = self.detectability.refined, list[Refined]()
         lattice = self.detectability.circumstances.lattice
-        mask = lattice.mask(own.structure)
+        mask, chain = lattice.mask(own.structure), mass_chain_of(own.structure)
+        hard = sum(1 << i for i, p in enumerate(lattice.atoms) if p.effect.has_hard_limit) & ~lattice.required
         for bit in lattice.bits(mask & ~lattice.required):
             atom = lattice.atoms[bit.bit_length() - 1]
-            if atom.effect.has_hard_limit or atom == mass_chain_of(own.structure):
-                bare = refined.of(lattice.structure(lattice.without(mask, bit)))
+            if atom.effect.has_hard_limit or atom == chain:
+                kept = lattice.within(lattice.everything & ~hard) if atom == chain else mask
+                bare = refined.of(lattice.structure(lattice.without(kept, bit)))
                 fitted = refined.fits.done[bare.structure]
                 some = further_effects(refined.task, fitted, self.effects, self.seed)
                 starts = {f.placed: f.start for f in some}
-                if atom.effect.masses:
-                    bent = effect_by_multistart(
+                if atom == chain:
+                    by_multistart = effects_by_multistart(
                         refined.task, fitted, self.effects, self.seed, self.detectability.executor
                     )
-                    starts |= {bent.placed: bent.start} if bent else {}
+                    starts |= {f.placed: f.start for f in by_multistart}
                 found += self.rivals(bare, bare.structure, starts)
         return found
 
