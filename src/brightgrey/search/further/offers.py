@@ -26,9 +26,9 @@ from brightgrey.search.further.proposals import (
     explains_more_in_place,
     follows_further_effect,
     further_effects,
+    is_bent,
     least_rival_cost,
     moved_effects,
-    moves_resonances,
 )
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.model_error import optimum_of, signs_of_model_error
@@ -180,7 +180,7 @@ class OfferingSearch:
                 break
             larger = self.larger_than(reached)
             if larger is None and (reached is own or own.structure.masses == self.anchors[0].masses):
-                larger = self.larger_than(reached, by_multistart=True)  # multistarts are cheap with the fewest masses only
+                larger = self.larger_than(reached, bent=True)  # multistarts are cheap with the fewest masses only
             if larger is None:
                 break
             reached = larger
@@ -190,18 +190,18 @@ class OfferingSearch:
         enough = own.cost - reached.cost >= FURTHER.rescued_share * (own.cost - best.cost)
         return reached if enough and reached.cost < least_rival_cost(taken, self.fits.done) else None
 
-    def larger_than(self, own: StructureFit, *, by_multistart: bool = False) -> StructureFit | None:
-        """A fit with one more effect, one of those that are fitted by multistart if asked for; each is made once."""
-        known = by_multistart, own.structure, own.cost, self.lattice.atoms
+    def larger_than(self, own: StructureFit, *, bent: bool = False) -> StructureFit | None:
+        """A fit with one more effect, a bent one by multistart if asked for; each is made once."""
+        known = bent, own.structure, own.cost, self.lattice.atoms
         if known not in self._larger:
-            self._larger[known] = self.by_multistart(own) if by_multistart else self.with_one_more(own)
+            self._larger[known] = self.by_multistart(own) if bent else self.with_one_more(own)
         return self._larger[known]
 
     def with_one_more(self, own: StructureFit) -> StructureFit | None:
         """A fit with the further effect that explains most of what a structure leaves; None if none is notable.
 
         First-order scores choose which are fitted. Dry friction that stands at another mass is tried in its place. Of
-        those that explain alike the one with fewest parameters is taken, and fitted by multistart if it moves resonances.
+        those that explain alike the one with fewest parameters is taken, and fitted by multistart if it is bent.
         """
         found = further_effects(self.task, own, self.more, self.seed) + moved_effects(self.task, own, self.more)
         fits = self.fits.tried([_with_effect(own, f) for f in found], self.executor)
@@ -211,13 +211,14 @@ class OfferingSearch:
         if not most >= FURTHER.notable_gain * own.cost:
             return None
         best = min(alike, key=lambda f: (parameters[f.structure], f.cost))
-        if not any(moves_resonances(p) for p in best.structure.placed if p not in own.structure.placed):
+        if not any(is_bent(p) for p in best.structure.placed if p not in own.structure.placed):
             return best
         return min(best, fit_multistart(self.task, best.structure, FURTHER_STARTS, self.seed), key=lambda f: f.cost)
 
     def by_multistart(self, own: StructureFit) -> StructureFit | None:
-        """A fit with the best of the effects that are fitted by multistart; None if none is notable."""
-        found = effects_by_multistart(self.task, own, self.more, self.seed, self.executor)
+        """A fit with the best of the bent effects, each by multistart; None if none is notable."""
+        bent = [p for p in self.more if is_bent(p)]
+        found = effects_by_multistart(self.task, own, bent, self.seed, self.executor)
         return self.fits.tried([_with_effect(own, found[0])], self.executor)[0] if found else None
 
     def is_explained_better(self, own: StructureFit) -> bool:
@@ -228,7 +229,7 @@ class OfferingSearch:
         """
         if effective_samples_of(self.task, own) > SELECTION.few_samples:
             return False
-        found = [fit for many in (False, True) if (fit := self.larger_than(own, by_multistart=many)) is not None]
+        found = [fit for bent in (False, True) if (fit := self.larger_than(own, bent=bent)) is not None]
         return bool(found) and self.is_beyond_chance(own, min(found, key=lambda fit: fit.cost))
 
     def is_beyond_chance(self, own: StructureFit, larger: StructureFit) -> bool:

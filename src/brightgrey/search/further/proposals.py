@@ -42,9 +42,10 @@ __all__ = [
     "explains_more_in_place",
     "follows_further_effect",
     "further_effects",
+    "is_bent",
+    "is_spring",
     "least_rival_cost",
     "moved_effects",
-    "moves_resonances",
 ]
 
 
@@ -138,19 +139,21 @@ def by_score(changes: Sequence[EffectChanges], left: Array) -> list[tuple[float,
     return [(float(scores.max()), _start(c, left, int(np.argmax(scores)))) for scores, c in scored]
 
 
-def moves_resonances(placed: Placed) -> bool:
-    """True if a torque depends on a position, or is no straight line over a twist: no first step leads to its optimum.
+def is_bent(placed: Placed) -> bool:
+    """True if a torque is no straight line over the twist of a shaft or a position: descents end at local optima."""
+    return placed.effect.detunes_resonances or placed.effect.may_be_unstable
 
-    A spring to the ground makes an oscillator of a rigid drive.
-    """
-    return placed.effect.detunes_resonances or placed.effect.port_reads == "position"
+
+def is_spring(placed: Placed) -> bool:
+    """True if a torque depends on a position or is bent over a twist: it moves resonances, or makes a new one."""
+    return is_bent(placed) or placed.effect.port_reads == "position"
 
 
 def effects_by_multistart(
-    task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int, workers: Executor
+    task: IdentificationTask, fitted: StructureFit, some: Sequence[Placed], seed: int, workers: Executor
 ) -> tuple[FurtherEffect, ...]:
-    """Effects that move resonances and explain a notable part, each fitted by multistart; the best by BIC first."""
-    tried = [p for p in _possible(fitted, more) if moves_resonances(p)]
+    """Effects that explain a notable part, each fitted by multistart; the best by BIC first."""
+    tried = _possible(fitted, some)
     fits = in_order(workers, fit_multistart, [(task, _with(fitted, p), FURTHER_STARTS, seed) for p in tried])
     enough = (1.0 - FURTHER.notable_gain) * fitted.cost
     notable = [(p, f) for p, f in zip(tried, fits, strict=True) if f.cost <= enough]

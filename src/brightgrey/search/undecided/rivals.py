@@ -33,6 +33,7 @@ from brightgrey.search.further.proposals import (
     changes_beside,
     effects_by_multistart,
     further_effects,
+    is_spring,
 )
 from brightgrey.search.lattice import contains, mass_chain_of
 from brightgrey.search.parallel import in_order
@@ -240,7 +241,7 @@ class _Exchange:
 
         No derivative tells what these leave: the structure without them is fitted, and then with each of the effects.
         A mass brings damping, too, which friction has to give then. So its place is taken beside all other effects, and
-        those that move resonances are fitted by multistart.
+        springs are fitted by multistart: no first step leads to another resonance.
         """
         refined, found = self.detectability.refined, list[Refined]()
         lattice = self.detectability.circumstances.lattice
@@ -255,8 +256,9 @@ class _Exchange:
                 some = further_effects(refined.task, fitted, self.effects, self.seed)
                 starts = {f.placed: f.start for f in some}
                 if atom == chain:
+                    springs = [p for p in self.effects if is_spring(p)]
                     by_multistart = effects_by_multistart(
-                        refined.task, fitted, self.effects, self.seed, self.detectability.executor
+                        refined.task, fitted, springs, self.seed, self.detectability.executor
                     )
                     starts |= {f.placed: f.start for f in by_multistart}
                 found += self.rivals(bare, bare.structure, starts)
