@@ -129,7 +129,7 @@ class FurtherEffectsPolicy:
     at_once: int = 4  #: Effects that are offered at a time; more follow if these leave something.
     most: int = 6  #: Effects that are offered in all.
     exchanged: int = 3  #: Effects that are fitted in the place of one, those that promise most.
-    #: Part of what an effect explains from which another one is fitted in its place, whatever it leaves at first order.
+    #: Part of what an effect explains from which one that is as simple is fitted in its place, whatever else it leaves.
     imitated_share: float = 0.5
     named: int = 4  #: Effects that are named where one of several is needed.
     most_rivals: int = 12  #: Structures beyond the lattice after which no more are looked for.

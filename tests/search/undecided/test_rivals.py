@@ -73,6 +73,26 @@ def test_viscous_friction_on_a_soft_shaft__its_place_shows__is_offered_and_neede
 
 
 @pytest.mark.parametrize(
+    "structure", ["one_mass+viscous+ground_spring", pytest.param("two_mass+coulomb@2", marks=pytest.mark.long)]
+)
+def test_rivals__an_effect_with_more_parameters_explains_as_well__is_none(structure):
+    values = {"J1": 0.016, "f_v": 0.016, "c_g": 0.15}
+    if structure.startswith("two"):
+        values = {"J1": 0.0005, "J2": 0.024, "c1": 0.6, "d1": 0.001, "M_C@2": 0.6}
+    found = decision(structure, values, exclude=("three_mass", "stribeck", "current_control", "delay", "backlash"))
+    assert minimal(found) == [structure]
+
+
+@pytest.mark.long
+def test_spring_to_the_ground__position_dependent_load_found_first__is_its_rival():
+    values = {"J1": 0.016, "M_C": 0.26, "f_v": 0.016, "M_S": 1.0, "omega_S": 6.8, "c_g": 0.15}
+    structure = "one_mass+coulomb+viscous+stribeck+ground_spring"
+    task = simulated_task(structure, values, E.torque(), 0.001 * E.speed, dt=E.dt, f_tanh=200.0, step=1e-3)
+    excluded = ("three_mass", "current_control", "delay", "backlash")
+    assert structure in minimal(decide_structures(task, grammar_named("drive"), exclude=excluded))
+
+
+@pytest.mark.parametrize(
     ("structures", "names"),
     [
         (

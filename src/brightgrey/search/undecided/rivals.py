@@ -2,9 +2,9 @@
 
 Friction at one mass may pass for friction at another, a pendulum for gravity, a hardening spring for a gap. So each
 effect of a minimal structure is exchanged for others. The Jacobian at its optimum and one simulation of each other
-effect predict what an exchange would leave; what may explain as well is fitted. So is what explains nearly all that is
-lost without the effect: with little noise a small error of the prediction is far above chance. A rival loses what it
-does not need, and is exchanged in turn.
+effect predict what an exchange would leave; what may explain as well is fitted. So is an effect with no more parameters
+that explains a good part of what is lost: with little noise a small error of the prediction is far above chance. A
+rival loses what it does not need, and is exchanged in turn.
 """
 
 from __future__ import annotations
@@ -189,9 +189,8 @@ class _Exchange:
         for gone in (p for p in self.removable(own.structure) if not p.effect.has_hard_limit):
             without = at.without(gone)
             scored = by_score([without.beyond(c) for c in changes], without.left)
-            lost = without.deviance - own.deviance
-            enough = min(without.deviance - self.far(own), FURTHER.imitated_share * lost)
-            worth = [f for score, f in scored if score >= enough]
+            near, like = without.deviance - self.far(own), FURTHER.imitated_share * (without.deviance - own.deviance)
+            worth = [f for score, f in scored if score >= near or (score >= like and _is_as_simple(f.placed, gone))]
             starts = {f.placed: f.start for f in worth[: FURTHER.exchanged]} | self.moved(own, gone)
             found += self.rivals(own, without.structure, starts)
         return found + self.of_excluded(own)
@@ -405,6 +404,11 @@ class _Without:
     def beyond(self, change: EffectChanges) -> EffectChanges:
         """Changes by another effect beyond what the parameters explain."""
         return replace(change, changes=beyond(self.basis, change.changes))
+
+
+def _is_as_simple(placed: Placed, other: Placed) -> bool:
+    """True for an effect with no more parameters than another one, which it may follow beyond the first order."""
+    return len(placed.effect.parameters) <= len(other.effect.parameters)
 
 
 def _without(structure: Structure, gone: Placed) -> Structure:
