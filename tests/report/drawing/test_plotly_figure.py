@@ -32,10 +32,18 @@ def test_library_of_a_second_process_is_read_from_the_cache(cache: Path, monkeyp
     monkeypatch.setattr(gzip, "compress", lambda *a, **k: pytest.fail("packed a second time"))
 
     assert library() == first
-    assert [file.suffix for file in cache.iterdir()] == [".gz"]
+    assert [file.name for file in cache.iterdir()] == ["plotly.js.gz"]
 
 
 def test_library_without_a_folder_for_the_cache_is_packed_anyway(cache: Path) -> None:
     cache.write_text("a file where the folder should be")
+
+    assert gzip.decompress(base64.b64decode(library())).decode() == get_plotlyjs()
+
+
+@pytest.mark.parametrize("kept", [b"", b"\x1f\x8b", b"garbage"], ids=["empty", "truncated", "garbage"])
+def test_library_with_a_damaged_cache_is_packed_anew(cache: Path, kept: bytes) -> None:
+    cache.mkdir()
+    (cache / "plotly.js.gz").write_bytes(kept)
 
     assert gzip.decompress(base64.b64decode(library())).decode() == get_plotlyjs()

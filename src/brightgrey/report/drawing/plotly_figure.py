@@ -7,6 +7,8 @@ import gzip
 import html
 import json
 import math
+import struct
+import zlib
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from functools import cache
@@ -32,14 +34,15 @@ def library() -> str:
 
     Packing takes as long as the rest of the page, so what is packed is kept beside the compiled kernel.
     """
-    import plotly
     from plotly.offline import get_plotlyjs
 
-    kept = cache_folder().parent / f"plotly-{plotly.__version__}.js.gz"
-    try:
+    text = get_plotlyjs().encode()
+    end = struct.pack("<II", zlib.crc32(text), len(text))  # of a gzip file, which so is that of this text, and whole
+    kept, packed = cache_folder().parent / "plotly.js.gz", b""
+    with suppress(OSError):
         packed = kept.read_bytes()
-    except OSError:
-        packed = gzip.compress(get_plotlyjs().encode(), mtime=0, compresslevel=6)
+    if not packed.endswith(end):
+        packed = gzip.compress(text, mtime=0, compresslevel=6)
         with suppress(OSError, SettingsError):  # a cache that cannot be written costs time and nothing else
             write_file(kept, packed)
     return base64.b64encode(packed).decode()

@@ -156,7 +156,7 @@ def effects_by_multistart(
     tried = _possible(fitted, some)
     fits = in_order(workers, fit_multistart, [(task, _with(fitted, p), FURTHER_STARTS, seed) for p in tried])
     enough = (1.0 - FURTHER.notable_gain) * fitted.cost
-    notable = [(p, f) for p, f in zip(tried, fits, strict=True) if f.cost <= enough]
+    notable = [(p, f) for p, f in zip(tried, fits, strict=True) if f.cost <= enough < np.inf]
     samples = sum(r.y.size for r in task.recordings)
     notable.sort(key=lambda pair: bic(positive(pair[1].cost), samples, pair[1].free))
     return tuple(FurtherEffect(p, added_with(p, fitted.structure), f.values) for p, f in notable)

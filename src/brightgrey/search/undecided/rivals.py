@@ -9,28 +9,25 @@ rival loses what it does not need, and is exchanged in turn.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from brightgrey.arrays import Array, positive
-from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
+from brightgrey.arrays import positive
 from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.kit.in_words import effect_in_words, structure_in_words
 from brightgrey.search.adequacy import Deviance
 from brightgrey.search.criteria import bic
 from brightgrey.search.detectability import Detectability, has
-from brightgrey.search.fitting.refined_fit import Refined, accurate, refine, residual_and_jacobian
+from brightgrey.search.fitting.refined_fit import Refined, accurate, refine
 from brightgrey.search.fitting.structure_fit import fit_multistart
 from brightgrey.search.fitting.warm_start import handed_down
 from brightgrey.search.further.proposals import (
     FURTHER_STARTS,
-    EffectChanges,
     added_with,
     by_score,
-    changes_beside,
     effects_by_multistart,
     further_effects,
     is_spring,
@@ -38,6 +35,7 @@ from brightgrey.search.further.proposals import (
 from brightgrey.search.lattice import contains, mass_chain_of
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, FURTHER
+from brightgrey.search.undecided.exchange_prediction import linearised, without_effect
 from brightgrey.search.verdicts import Reason
 
 __all__ = ["open_choice", "rival_to_offer", "rivals_among", "rivals_beyond"]
@@ -73,12 +71,11 @@ def rivals_beyond(
         Rivals of a smaller lattice, which may be rivals of this one, too.
     """
     exchange = _Exchange(detectability, tuple(effects), seed, list(found))
-    beyond = [r for r in known if exchange.is_new(r.structure) and not r.structure.beside.isdisjoint(effects)]
-    rivals = [end for end in exchange.ends([(r.structure, r.values) for r in beyond]) if exchange.is_adequate(end)]
-    exchange.minimal.extend(r.structure for r in rivals)
+    rivals = exchange.still_rivals(known)
+    most = FURTHER.most_rivals + len(rivals)
     queue = [*(detectability.refined.of(s) for s in found), *rivals]
     hard = fewer_masses
-    while queue and len(rivals) < FURTHER.most_rivals:
+    while queue and len(rivals) < most:
         own = queue.pop(0)
         more = exchange.of(own) + (exchange.of_hard(own) if hard else [])
         hard = False  # beside the best one only
@@ -176,6 +173,18 @@ class _Exchange:
     minimal: list[Structure]  #: Structures that are known to explain as well; what contains one is not fitted.
     fitted: dict[Structure, Refined] = field(default_factory=dict)
 
+    def still_rivals(self, known: Sequence[Refined]) -> list[Refined]:
+        """Those of some rivals that are beyond the lattice, with no more masses than it has, and still adequate."""
+        masses = max(p.effect.masses for p in (*self.allowed, Placed("one_mass")))
+        beyond = [
+            (r.structure, r.values)
+            for r in known
+            if r.structure.masses <= masses and self.is_new(r.structure) and r.structure.beside & set(self.effects)
+        ]
+        rivals = [end for end in self.ends(beyond) if self.is_adequate(end)]
+        self.minimal.extend(r.structure for r in rivals)
+        return rivals
+
     @property
     def least(self) -> float:
         """The least deviance of the lattice."""
@@ -184,15 +193,16 @@ class _Exchange:
 
     def of(self, own: Refined) -> list[Refined]:
         """Adequate fits with an effect of a structure exchanged, which lack what they can."""
-        at, found = self.at(own), list[Refined]()
-        changes = self.changes(at)
+        at, found = linearised(self.detectability.refined, own), list[Refined]()
+        changes = at.changes(self.effects, self.seed)
         for gone in (p for p in self.removable(own.structure) if not p.effect.has_hard_limit):
             without = at.without(gone)
             scored = by_score([without.beyond(c) for c in changes], without.left)
             near, like = without.deviance - self.far(own), FURTHER.imitated_share * (without.deviance - own.deviance)
-            worth = [f for score, f in scored if score >= near or (score >= like and _is_as_simple(f.placed, gone))]
+            most = _parameters(p for p in own.structure.placed if p not in without.structure.placed)
+            worth = [f for score, f in scored if score >= near or (score >= like and _parameters(f.added) <= most)]
             starts = {f.placed: f.start for f in worth[: FURTHER.exchanged]} | self.moved(own, gone)
-            found += self.rivals(own, without.structure, starts)
+            found += self.rivals(own.values, without.structure, starts)
         return found + self.of_excluded(own)
 
     @cached_property
@@ -228,46 +238,51 @@ class _Exchange:
         task, found = self.detectability.refined.task, list[Refined]()
         for other in self.effects:
             for gone in (p for p in self.removable(own.structure) if p.excludes(other)):
-                bare = _without(own.structure, gone)
+                bare = without_effect(own.structure, gone)
                 rival = Structure((*bare.placed, other))
                 if self.is_new(rival):
                     values = fit_multistart(task, rival, FURTHER_STARTS, self.seed).values
-                    found += self.rivals(own, bare, {other: values})
+                    found += self.rivals(own.values, bare, {other: values})
         return found
 
     def of_hard(self, own: Refined) -> list[Refined]:
         """Fits with a further effect in the place of the last mass, or of a gap.
 
         No derivative tells what these leave: the structure without them is fitted, and then with each of the effects.
-        A mass brings damping, too, which friction has to give then. So its place is taken beside all other effects, and
-        springs are fitted by multistart: no first step leads to another resonance.
+        A mass brings damping, too, which friction may have to give then. So its place is also taken beside all other
+        effects. Springs are fitted by multistart there: no first step leads to another resonance.
         """
-        refined, found = self.detectability.refined, list[Refined]()
-        lattice = self.detectability.circumstances.lattice
+        lattice, found = self.detectability.circumstances.lattice, list[Refined]()
         mask, chain = lattice.mask(own.structure), mass_chain_of(own.structure)
-        hard = sum(1 << i for i, p in enumerate(lattice.atoms) if p.effect.has_hard_limit) & ~lattice.required
+        hard = sum(1 << i for i, p in enumerate(lattice.atoms) if p.effect.has_hard_limit)
+        most = lattice.within(lattice.everything & ~hard | mask)
         for bit in lattice.bits(mask & ~lattice.required):
             atom = lattice.atoms[bit.bit_length() - 1]
-            if atom.effect.has_hard_limit or atom == chain:
-                kept = lattice.within(lattice.everything & ~hard) if atom == chain else mask
-                bare = refined.of(lattice.structure(lattice.without(kept, bit)))
-                fitted = refined.fits.done[bare.structure]
-                some = further_effects(refined.task, fitted, self.effects, self.seed)
-                starts = {f.placed: f.start for f in some}
-                if atom == chain:
-                    springs = [p for p in self.effects if is_spring(p)]
-                    by_multistart = effects_by_multistart(
-                        refined.task, fitted, springs, self.seed, self.detectability.executor
-                    )
-                    starts |= {f.placed: f.start for f in by_multistart}
-                found += self.rivals(bare, bare.structure, starts)
+            if atom == chain:
+                for bare in dict.fromkeys(lattice.without(whole, bit) for whole in (mask, most)):
+                    found += self.of_added(lattice.structure(bare), [p for p in self.effects if is_spring(p)])
+            elif atom.effect.has_hard_limit:
+                found += self.of_added(lattice.structure(lattice.without(mask, bit)), [])
         return found
 
-    def rivals(self, own: Refined, bare: Structure, starts: Mapping[Placed, Mapping[str, float]]) -> list[Refined]:
-        """Adequate fits of `bare` with each of some effects, from the values of `own`."""
+    def of_added(self, structure: Structure, springs: Sequence[Placed]) -> list[Refined]:
+        """Adequate fits of a structure with a further effect, some by multistart."""
+        refined, executor = self.detectability.refined, self.detectability.executor
+        if structure not in refined.fits.done:
+            refined.fits.add([structure], executor)
+        fitted = refined.fits.done[structure]
+        some = effects_by_multistart(refined.task, fitted, springs, self.seed, executor)
+        if fitted.equals is None:  # the values of effects that it could do without mean nothing
+            some = (*further_effects(refined.task, fitted, self.effects, self.seed), *some)
+        return self.rivals(fitted.values, structure, {f.placed: f.start for f in some})
+
+    def rivals(
+        self, values: Mapping[str, float], bare: Structure, starts: Mapping[Placed, Mapping[str, float]]
+    ) -> list[Refined]:
+        """Adequate fits of `bare` with each of some effects, from some values."""
         larger = {p: Structure((*bare.placed, *added_with(p, bare))) for p in starts}
         new = {p: s for p, s in larger.items() if self.is_new(s)}
-        ends = self.ends([(s, {**own.values, **starts[p]}) for p, s in new.items()])
+        ends = self.ends([(s, {**values, **starts[p]}) for p, s in new.items()])
         found = [self.reduced(end, p) for p, end in zip(new, ends, strict=True) if self.is_adequate(end)]
         least = {end.structure: end for end in found if not any(contains(end.structure, s) for s in self.minimal)}
         self.minimal.extend(least)
@@ -278,7 +293,7 @@ class _Exchange:
         while (joined := self.last_masses_joined(own, kept)) is not None and self.is_adequate(joined[0]):
             own, kept = joined
         while True:
-            at = self.at(own)
+            at = linearised(self.detectability.refined, own)
             removed = [at.without(p) for p in self.removable(own.structure) if p != kept]
             smaller = [w.structure for w in removed if w.deviance <= self.far(own)]
             ends = self.ends([(s, own.values) for s in smaller if kept in s.placed])
@@ -351,67 +366,7 @@ class _Exchange:
         """Predicted deviance above which an exchange is not worth a fit."""
         return self.limit(own.free) + BORDER.far * self.detectability.chance(1)
 
-    def at(self, own: Refined) -> _Linearised:
-        """Residual and derivatives at the optimum of a structure."""
-        task, whitening = accurate(self.detectability.refined.task), self.detectability.refined.whitening
-        residual, jacobian, inside = residual_and_jacobian(task, own.structure, own.values)
-        names = task.problem_and_space(own.structure)[1].names
-        slopes = whitening.whiten(jacobian[:, list(inside)]).T
-        return _Linearised(
-            self.detectability, own, residual, dict(zip((names[i] for i in inside), slopes, strict=True))
-        )
 
-    def changes(self, at: _Linearised) -> list[EffectChanges]:
-        """Whitened changes by each of the effects at an optimum."""
-        task, whitening = accurate(self.detectability.refined.task), self.detectability.refined.whitening
-        found = changes_beside(task, at.own, at.residual, self.effects, self.seed)
-        return [replace(c, changes=whitening.whiten(c.changes)) for c in found]
-
-
-@dataclass(frozen=True)
-class _Linearised:
-    """Optimum of a structure with its whitened derivatives."""
-
-    detectability: Detectability
-    own: Refined
-    residual: Array  #: Not whitened.
-    slopes: Mapping[str, Array]  #: By the parameters that are not at a bound, shape (residuals,) each.
-
-    def without(self, gone: Placed) -> _Without:
-        """The structure without an effect, where the other parameters follow as far as their derivatives say."""
-        task, whitening = accurate(self.detectability.refined.task), self.detectability.refined.whitening
-        structure = _without(self.own.structure, gone)
-        problem, space = task.problem_and_space(structure)
-        base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **self.own.values}
-        names = (*space.names, *space.fixed)
-        residual = problem.residuals({n: np.array([base[n]]) for n in names}, task.settings)[:, 0]
-        columns = [slope for name, slope in self.slopes.items() if name in space.names]
-        white = whitening.whiten(residual)
-        basis = orthonormal_basis(np.column_stack(columns)) if columns else np.zeros((len(white), 0))
-        left = beyond(basis, white)
-        return _Without(structure, left, basis, float(left @ left) + whitening.floor_deviance)
-
-
-@dataclass(frozen=True)
-class _Without:
-    """A structure without an effect, at first order."""
-
-    structure: Structure
-    left: Array  #: Whitened residual, beyond what its parameters explain.
-    basis: Array  #: Of what they explain.
-    deviance: float
-
-    def beyond(self, change: EffectChanges) -> EffectChanges:
-        """Changes by another effect beyond what the parameters explain."""
-        return replace(change, changes=beyond(self.basis, change.changes))
-
-
-def _is_as_simple(placed: Placed, other: Placed) -> bool:
-    """True for an effect with no more parameters than another one, which it may follow beyond the first order."""
-    return len(placed.effect.parameters) <= len(other.effect.parameters)
-
-
-def _without(structure: Structure, gone: Placed) -> Structure:
-    """The structure without an effect, and without what requires it."""
-    dependent = [p for p in structure.placed if p.place == gone.place and gone.name in p.effect.requires]
-    return Structure(tuple(p for p in structure.placed if p != gone and p not in dependent))
+def _parameters(placed: Iterable[Placed]) -> int:
+    """Number of parameters of some effects."""
+    return sum(len(p.effect.parameters) for p in placed)

@@ -1,0 +1,73 @@
+"""What a structure would leave with one effect exchanged for another, by its derivatives at its optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from brightgrey.arrays import Array
+from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
+from brightgrey.kit import Placed, Structure
+from brightgrey.search.fitting.refined_fit import Refined, RefinedFits, accurate, residual_and_jacobian
+from brightgrey.search.further.proposals import EffectChanges, changes_beside
+
+__all__ = ["Linearised", "WithoutEffect", "linearised", "without_effect"]
+
+
+def linearised(refined: RefinedFits, own: Refined) -> Linearised:
+    """Residual and derivatives at the optimum of a structure."""
+    residual, jacobian, inside = residual_and_jacobian(refined.task, own.structure, own.values)
+    names = refined.task.problem_and_space(own.structure)[1].names
+    slopes = refined.whitening.whiten(jacobian[:, list(inside)]).T
+    return Linearised(refined, own, residual, dict(zip((names[i] for i in inside), slopes, strict=True)))
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Optimum of a structure with its whitened derivatives."""
+
+    refined: RefinedFits
+    own: Refined
+    residual: Array  #: Not whitened.
+    slopes: Mapping[str, Array]  #: By the parameters that are not at a bound, shape (residuals,) each.
+
+    def changes(self, effects: Sequence[Placed], seed: int) -> list[EffectChanges]:
+        """Whitened changes by each of some effects."""
+        found = changes_beside(accurate(self.refined.task), self.own, self.residual, effects, seed)
+        return [replace(c, changes=self.refined.whitening.whiten(c.changes)) for c in found]
+
+    def without(self, gone: Placed) -> WithoutEffect:
+        """The structure without an effect, where the other parameters follow as far as their derivatives say."""
+        task, whitening = accurate(self.refined.task), self.refined.whitening
+        structure = without_effect(self.own.structure, gone)
+        problem, space = task.problem_and_space(structure)
+        base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **self.own.values}
+        names = (*space.names, *space.fixed)
+        residual = problem.residuals({n: np.array([base[n]]) for n in names}, task.settings)[:, 0]
+        columns = [slope for name, slope in self.slopes.items() if name in space.names]
+        white = whitening.whiten(residual)
+        basis = orthonormal_basis(np.column_stack(columns)) if columns else np.zeros((len(white), 0))
+        left = beyond(basis, white)
+        return WithoutEffect(structure, left, basis, float(left @ left) + whitening.floor_deviance)
+
+
+@dataclass(frozen=True)
+class WithoutEffect:
+    """A structure without an effect, at first order."""
+
+    structure: Structure
+    left: Array  #: Whitened residual, beyond what its parameters explain.
+    basis: Array  #: Of what they explain.
+    deviance: float
+
+    def beyond(self, change: EffectChanges) -> EffectChanges:
+        """Changes by another effect beyond what the parameters explain."""
+        return replace(change, changes=beyond(self.basis, change.changes))
+
+
+def without_effect(structure: Structure, gone: Placed) -> Structure:
+    """The structure without an effect, and without what requires it."""
+    dependent = [p for p in structure.placed if p.place == gone.place and gone.name in p.effect.requires]
+    return Structure(tuple(p for p in structure.placed if p != gone and p not in dependent))
