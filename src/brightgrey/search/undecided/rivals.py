@@ -199,8 +199,8 @@ class _Exchange:
             without = at.without(gone)
             scored = by_score([without.beyond(c) for c in changes], without.left)
             near, like = without.deviance - self.far(own), FURTHER.imitated_share * (without.deviance - own.deviance)
-            most = _parameters(p for p in own.structure.placed if p not in without.structure.placed)
-            worth = [f for score, f in scored if score >= near or (score >= like and _parameters(f.added) <= most)]
+            most = _parameter_count(p for p in own.structure.placed if p not in without.structure.placed)
+            worth = [f for score, f in scored if score >= near or (score >= like and _parameter_count(f.added) <= most)]
             starts = {f.placed: f.start for f in worth[: FURTHER.exchanged]} | self.moved(own, gone)
             found += self.rivals(own.values, without.structure, starts)
         return found + self.of_excluded(own)
@@ -367,6 +367,6 @@ class _Exchange:
         return self.limit(own.free) + BORDER.far * self.detectability.chance(1)
 
 
-def _parameters(placed: Iterable[Placed]) -> int:
+def _parameter_count(placed: Iterable[Placed]) -> int:
     """Number of parameters of some effects."""
     return sum(len(p.effect.parameters) for p in placed)
