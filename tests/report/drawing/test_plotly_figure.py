@@ -1,11 +1,7 @@
 """plotly.js in a page: packed once, then read from the cache, which may be absent."""
 
-from __future__ import annotations
-
 import base64
 import gzip
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from plotly.offline import get_plotlyjs
@@ -15,18 +11,18 @@ from brightgrey.report.drawing.plotly_figure import library
 
 
 @pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def cache(tmp_path, monkeypatch):
     monkeypatch.setattr(plotly_figure, "cache_folder", lambda: tmp_path / "cache" / "kernel")
     library.cache_clear()
     yield tmp_path / "cache"
     library.cache_clear()
 
 
-def test_library_unpacked_is_plotly(cache: Path) -> None:
+def test_library__unpacked__is_plotly(cache):
     assert gzip.decompress(base64.b64decode(library())).decode() == get_plotlyjs()
 
 
-def test_library_of_a_second_process_is_read_from_the_cache(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_library__second_process__is_read_from_the_cache(cache, monkeypatch):
     first = library()
     library.cache_clear()
     monkeypatch.setattr(gzip, "compress", lambda *a, **k: pytest.fail("packed a second time"))
@@ -35,15 +31,18 @@ def test_library_of_a_second_process_is_read_from_the_cache(cache: Path, monkeyp
     assert [file.name for file in cache.iterdir()] == ["plotly.js.gz"]
 
 
-def test_library_without_a_folder_for_the_cache_is_packed_anyway(cache: Path) -> None:
+def test_library__no_folder_for_the_cache__is_packed_anyway(cache):
     cache.write_text("a file where the folder should be")
 
     assert gzip.decompress(base64.b64decode(library())).decode() == get_plotlyjs()
 
 
-@pytest.mark.parametrize("kept", [b"", b"\x1f\x8b", b"garbage"], ids=["empty", "truncated", "garbage"])
-def test_library_with_a_damaged_cache_is_packed_anew(cache: Path, kept: bytes) -> None:
-    cache.mkdir()
-    (cache / "plotly.js.gz").write_bytes(kept)
+@pytest.mark.parametrize(
+    "damaged", [lambda whole: b"", lambda whole: whole[:-1], lambda whole: gzip.compress(b"other")]
+)
+def test_library__empty_truncated_or_other_file_in_the_cache__is_packed_anew(cache, damaged):
+    whole = base64.b64decode(library())
+    (cache / "plotly.js.gz").write_bytes(damaged(whole))
+    library.cache_clear()
 
-    assert gzip.decompress(base64.b64decode(library())).decode() == get_plotlyjs()
+    assert base64.b64decode(library()) == (cache / "plotly.js.gz").read_bytes() == whole

@@ -52,10 +52,11 @@ def test_ground_spring_on_a_stiff_shaft__identified__the_rival_is_in_every_file(
     found = identify(task.recordings[0], exclude=excluded, workers=1)
     found.write(tmp_path)
     ties = load_model(tmp_path / "model.json").ties.minimal
-    assert {"two_mass+coulomb+ground_spring", "two_mass+coulomb+ground_spring@2"} <= set(ties)
-    fits = load_run_record(tmp_path).fits[: len(ties)]
-    assert [f.structure for f in fits] == list(ties)
-    assert [f.status for f in fits] == ["minimal", *["rival"] * (len(ties) - 1)]
+    assert len(ties) == 2
+    assert [(f.structure, f.status) for f in load_run_record(tmp_path).fits[:2]] == [
+        (ties[0], "minimal"),
+        (ties[1], "rival"),
+    ]
     report = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "One of several effects is needed, and the recording does not say which." in report
     assert "does not decide whether the drive has" not in report  # there is a spring, at one place or the other

@@ -32,7 +32,7 @@ HEIGHT, BETWEEN, BELOW, ABOVE, MARKED = 250, 26, 52, 34, 14  # pixels: panel of 
 def library() -> str:
     """plotly.js, which the page carries in itself: packed by gzip, in base64. It has 4.6 MB of text.
 
-    Packing takes as long as the rest of the page, so what is packed is kept beside the compiled kernel.
+    Packing would be a third of the time of every page, so what is packed is kept beside the compiled kernel.
     """
     from plotly.offline import get_plotlyjs
 
