@@ -107,6 +107,7 @@ def test_readme__figures_stand_on_the_page_that_is_linked():
         r"^\| [^|]+ \| ([^|]+) \| \[[^\]]+\]\((docs/(?:validation|gallery)/[\w-]+\.md)\) \|$", text, re.MULTILINE
     )
     assert len(rows) >= 9
+    assert len(rows) == len(re.findall(r"^\|.*\]\(docs/(?:validation|gallery)/", text, re.MULTILINE))  # one page each
     for answer, page in rows:
         there = set(re.findall(r"[\d.,e-]*\d", (DOCS.parent / page).read_text(encoding="utf-8")))
         assert set(re.findall(r"[\d.,e-]*\d", answer)) <= there, page
