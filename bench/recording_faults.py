@@ -48,6 +48,8 @@ MOVED = 2.0
 """Standard deviations by which a fault that matters moves a parameter."""
 CHECK_ERRORS = 3.0
 """Standard errors from which the check of two outputs names a delay."""
+ALL_KINDS = "all kinds"
+"""Row of all faults together."""
 IDEAL_LEVEL = 1e-3
 """Probability by chance of the ideal test."""
 
@@ -338,7 +340,16 @@ FAULTS = (
     Fault("differenced velocity", differenced, (5, 200), "counts", ("differenced velocity",), needs="velocity"),
     Fault("outliers", lambda r, s: with_last(r, outliers(r, s)), (0.02, 1), "of the range", ("outliers",)),
     Fault("wrapping position", wrapped, (0.2, 0.8), "of the range", ("outliers",), needs="position"),
-    Fault("lost samples", lost, (0.002, 0.1), "of the recording", ("outliers",), needs="position", adds=True),
+    Fault(
+        "lost samples",
+        lost,
+        (0.002, 0.1),
+        "of the recording",
+        ("outliers",),
+        needs="position",
+        symptoms=("Position jumps",),
+        adds=True,
+    ),
     Fault(
         "drift of the torque",
         lambda r, s: r.recording(r.u - s * np.abs(r.u).max() * np.linspace(-0.5, 0.5, r.u.size)),
@@ -549,10 +560,13 @@ def named_rows(all_drives: Sequence[Drive], seed: int, each: int, kinds: Sequenc
 
 def matter_rows(all_drives: Sequence[Drive], seed: int, each: int, kinds: Sequence[str]) -> Iterator[list[str]]:
     """Rows of the faults where they matter: named by a check, or by a symptom of the fit; and by an ideal test."""
+    all_by_check, all_by_any = [], []
     for number, fault in enumerate(FAULTS):
         if kinds and fault.name not in kinds:
             continue
-        by_check, by_any, powers, before = [], [], [], []
+        by_check: list[bool] = []
+        by_any: list[bool] = []
+        powers, before = [], []
         for drive, size, faulty in faulty_recordings(all_drives, seed, number, each):
             found = fitted(drive, faulty)
             if not matters(clean_fit(seed, drive), found):
@@ -563,11 +577,19 @@ def matter_rows(all_drives: Sequence[Drive], seed: int, each: int, kinds: Sequen
                 powers.append(ideal_power(seed, drive, fault, size, faulty))
                 if fault.needs == "both":  # the input says nothing of a difference of the outputs
                     before.append(check_power(seed, drive, fault, size))
-        row = [fault.name, share(sum(by_check), len(by_check)), summed(before)]
-        row.append(share(sum(by_any), len(by_any)) if fault.symptoms else "")
+        row = [fault.name, of_all(by_check), summed(before), of_all(by_any) if fault.symptoms else ""]
         row.append(summed(powers))
         print(row, flush=True)
         yield row
+        all_by_check += by_check
+        all_by_any += by_any
+    if not kinds:
+        yield [ALL_KINDS, of_all(all_by_check), "", of_all(all_by_any), ""]
+
+
+def of_all(named: Sequence[bool]) -> str:
+    """Share of the faults that are named."""
+    return share(sum(named), len(named))
 
 
 def summed(powers: Sequence[float]) -> str:
@@ -691,10 +713,11 @@ def main() -> None:
         by_fault = saved_rows("Faults that matter") if options.kinds else {}
         for row in matter_rows(found, options.seed, options.fits, options.kinds):
             by_fault[row[0]] = row
-            rows = [by_fault[fault.name] for fault in FAULTS if fault.name in by_fault]
+            rows = [by_fault[name] for name in (*(fault.name for fault in FAULTS), ALL_KINDS) if name in by_fault]
             publish("checks", [Table("Faults that matter", heads, rows)], to_file=options.save)
     if "symptoms" in options.only:
-        rows = list(symptom_rows(found[: options.fits], options.seed))
+        fitted_before = found[: len(SENSORS) * options.fits]  # so many drives give each sensor its fits
+        rows = list(symptom_rows(fitted_before, options.seed))
         tables.append(Table("Symptoms of fits without a fault", ("symptom", "fits"), rows))
     if "real" in options.only and DATA.exists():
         tables.append(Table("Recorded files", ("file, and what is known of it", "said", "in all"), list(real_rows())))

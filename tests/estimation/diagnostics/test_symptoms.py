@@ -1,5 +1,6 @@
 """Symptoms of fits that lack something, and none of a good fit."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -107,6 +108,37 @@ def test_symptoms__torque_that_drifts__has_its_size(share):
     found = symptoms_of("one_mass+coulomb+viscous", recording(measured.y[0], TORQUE - ramp))
     size = float(found["Torque drifts"].observation.split("by ")[1].split(" ±")[0])
     assert size == pytest.approx(share * np.abs(TORQUE).max(), rel=0.1)
+
+
+def with_position(lost, noise=2e-3):
+    """Position by the reference solver with noise, without the samples of a slice; and the position of all."""
+    q = reference("one_mass+coulomb+viscous", RIGID, TORQUE, E.dt, f_tanh=E.f_tanh, outputs=["position"])[0]
+    y = q + noise * np.abs(q).max() * np.random.default_rng(9).standard_normal(q.size)
+    kept = np.delete(np.arange(q.size), lost)
+    return make_recording(TORQUE[kept], y[kept], dt=E.dt, kind="position"), q
+
+
+def test_symptoms__lost_samples__are_a_jump_of_the_position_with_time_and_size():
+    measured, q = with_position(slice(700, 712))
+    found = symptoms_of("one_mass+coulomb+viscous", measured)
+    said = found["Position jumps"].observation
+    size, std = (float(x) for x in said.split("jump by ")[1].split(" rad")[0].split(" ± "))
+    assert size == pytest.approx(q[712] - q[700], abs=0.1 * abs(q[712] - q[700]) + 2.0 * std)
+    assert float(said.split(" at ")[1].split(" s")[0]) == pytest.approx(700 * E.dt, abs=3 * E.dt)
+    assert "Torque drifts" not in found
+
+
+def test_symptoms__position_with_all_samples__does_not_jump():
+    assert symptoms_of("one_mass+coulomb+viscous", with_position(slice(0))[0]) == {}
+
+
+def test_symptoms__jump_of_one_of_two_recordings__names_that_recording():
+    measured, other = with_position(slice(700, 712))[0], with_position(slice(0))[0]
+    both = [replace(other, name="first.csv"), replace(measured, name="second.csv")]
+    found = fit(PAPER.parse("one_mass+coulomb+viscous"), both, f_tanh=E.f_tanh, starts=3, patience=0).symptoms
+    said = [s.observation for s in found if s.title == "Position jumps"]
+    assert len(said) == 1
+    assert "of second.csv to jump" in said[0]
 
 
 @pytest.mark.parametrize("text", ["one_mass+coulomb+viscous", "one_mass+coulomb+viscous+delay"])

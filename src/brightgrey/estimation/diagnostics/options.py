@@ -100,6 +100,8 @@ class FaultOptions:
     #: Decrease of the cost, in variances of a residual, below which the fit ends: tests go by whole ones.
     negligible_decrease: float = 0.1
     min_own: float = 1e-6  #: Part of a fault's whitened response that other unknowns cannot make.
+    min_jump: float = 1e-2  #: The same of its sum of squares, for a jump at a time that is looked for.
+    min_share: float = 0.01  #: Sum of squares of a jump, in parts of the residual's, that matters.
 
 
 @dataclass(frozen=True)

@@ -1,21 +1,24 @@
-"""Faults of a recording that a fit shows: an output that comes late against the others, a torque that drifts.
+"""Faults of a recording that a fit shows: an output that comes late, a torque that drifts, a position that jumps.
 
 Parameters that move hide most of a fault from the residual, so that a test of the residual alone misses it. The fit
-goes on from its optimum with the faults as further unknowns. From there one step of generalised least squares gives
-the size of each fault, and a Wald test asks whether it differs from zero.
+goes on from its optimum with delays and drifts as further unknowns. From there one step of generalised least squares
+gives the size of each fault, and a Wald test asks whether it differs from zero. No fit goes on from a jump, as nobody
+knows its time. One step is made for every time, and the jump that explains most is tested.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
-from brightgrey.arrays import positive
+from brightgrey.arrays import Array, positive
 from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS, FAULT_DEFAULTS, DiagnosticOptions
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.residual_tests import noise_degrees
+from brightgrey.estimation.noise.autoregression import Autoregression
 from brightgrey.estimation.noise.error_floor import error_variances
 from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
 from brightgrey.estimation.noise.whitening import Whitening
@@ -24,7 +27,11 @@ from brightgrey.estimation.problem.clock_skew import skews_of
 from brightgrey.estimation.problem.drift import DriftOptions, drifts_of
 from brightgrey.estimation.problem.nuisance import Nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.segments import segments
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
+from brightgrey.numerics.digital_filter import lfilter
 from brightgrey.numerics.distributions import t as student
+from brightgrey.recordings.units.signals import KINDS
 
 __all__ = ["RecordingFault", "recording_faults"]
 
@@ -33,11 +40,14 @@ _ANY_DRIFT = DriftOptions(shortest=0.0, largest=FAULT_DEFAULTS.largest_drift)
 
 @dataclass(frozen=True)
 class RecordingFault:
-    """Size of a fault that differs from zero beyond chance, and its standard deviation, SI."""
+    """Fault of a recording whose size differs from zero beyond chance, SI."""
 
-    size: float  #: Time by which an output comes late, or change of the torque over a recording.
+    kind: Literal["drift", "skew", "jump"]
+    size: float  #: Change of the torque over a recording, time by which an output comes late, or jump of a position.
     std: float
-    output: int | None = None  #: Number of the output that comes late; None for a torque.
+    output: int = 0  #: Number of the output that comes late or jumps.
+    recording: int = 0  #: Number of the recording in which it jumps.
+    time: float = 0.0  #: Time of the jump.
 
     @property
     def clearness(self) -> float:
@@ -48,7 +58,7 @@ class RecordingFault:
 def recording_faults(
     context: FitContext, options: DiagnosticOptions = DIAGNOSTIC_DEFAULTS
 ) -> tuple[RecordingFault, ...]:
-    """Faults of the recordings; of drifts only the clearest one.
+    """Faults of the recordings; of drifts and jumps only the clearest one.
 
     Parameters
     ----------
@@ -58,8 +68,9 @@ def recording_faults(
     Notes
     -----
     The noise is an autoregression whose parameters are estimated, too. So the statistic has Student's distribution with
-    the degrees of freedom of the noise's spectrum where the fault is. The level holds for all faults together
-    (Bonferroni).
+    the degrees of freedom of the noise's spectrum where the fault is. The level holds for all drifts and delays
+    together, and for all times of a jump together (Bonferroni). Samples that are lost move the position beside the
+    model at once, which a drift may stand for. So drifts and delays are tested beside a jump, if there is one.
     """
     if not 0.0 < context.best.cost < np.inf:
         return ()
@@ -67,18 +78,20 @@ def recording_faults(
     tags = [state.tag for state in problem.initial_states]
     drifts = () if problem.drifts else drifts_of(problem.recordings, tags, _ANY_DRIFT)
     skews = skews_of(problem.recordings)
-    if not (drifts or skews):
-        return ()
-    tests = _wald_tests(_fit_beside(context, drifts, skews), (*drifts, *skews))
+    fitted = _fit_beside(context, drifts, skews) if drifts or skews else context
+    jump, step = _clearest_jump(fitted, options.symptom_level)
+    tests = _wald_tests(fitted, _Whitened.of(fitted, step), (*drifts, *skews))
     found: list[RecordingFault] = []
     for nuisance, (value, std, degrees) in tests.items():
         if abs(value) > std * float(student.ppf(1.0 - 0.5 * options.symptom_level / len(tests), degrees)):
             drift = nuisance in drifts  # it goes from minus its value to its value
-            output = None if drift else 1 + skews.index(nuisance)
-            found.append(RecordingFault(2.0 * value, 2.0 * std) if drift else RecordingFault(value, std, output))
-    drifting = [fault for fault in found if fault.output is None]
-    clearest = max(drifting, key=lambda fault: fault.clearness, default=None)
-    return tuple(fault for fault in found if fault.output is not None or fault is clearest)
+            found.append(
+                RecordingFault("drift", 2.0 * value, 2.0 * std)
+                if drift
+                else RecordingFault("skew", value, std, 1 + skews.index(nuisance))
+            )
+    clearest = max((f for f in found if f.kind == "drift"), key=lambda fault: fault.clearness, default=None)
+    return tuple(f for f in (*found, *jump) if f.kind != "drift" or f is clearest)
 
 
 def _fit_beside(context: FitContext, drifts: tuple[Nuisance, ...], skews: tuple[Nuisance, ...]) -> FitContext:
@@ -108,24 +121,116 @@ def _space_beside(space: ParameterSpace, nuisances: Sequence[Nuisance]) -> Param
     )
 
 
-def _wald_tests(fitted: FitContext, nuisances: Sequence[Nuisance]) -> dict[Nuisance, tuple[float, float, float]]:
+@dataclass(frozen=True)
+class _Whitened:
+    """Residual and derivatives of a fit, by which the noise is white with variance 1."""
+
+    whitening: Whitening
+    residual: Array
+    jacobian: Array
+
+    @classmethod
+    def of(cls, fitted: FitContext, beside: Array) -> _Whitened:
+        """Whiten by the noise that is left beside further unknowns, whose responses have shape (residuals, k)."""
+        problem, best = fitted.problem, fitted.best
+        floor = error_variances(problem.recordings, problem.weights).ravel().tolist()
+        jacobian = np.column_stack([best.jacobian, beside])
+        whitening = Whitening.of(best.residual, jacobian, problem.segment_lengths, floor)
+        return cls(whitening, whitening.whiten(best.residual), whitening.whiten(jacobian))
+
+    def degrees(self, own: Array) -> float:
+        """Degrees of freedom of the noise's spectrum where a whitened response is, shape (residuals,)."""
+        return noise_degrees(own[:, None], self.whitening.models, self.whitening.lengths)
+
+
+def _wald_tests(
+    fitted: FitContext, white: _Whitened, nuisances: Sequence[Nuisance]
+) -> dict[Nuisance, tuple[float, float, float]]:
     """Value, standard deviation and degrees of freedom of each nuisance that the recordings tell from the others."""
-    problem, space, best = fitted.problem, fitted.space, fitted.best
-    lengths = problem.segment_lengths
-    floor = error_variances(problem.recordings, problem.weights).ravel().tolist()
-    whitening = Whitening.of(best.residual, best.jacobian, lengths, floor)
-    residual, jacobian = whitening.whiten(best.residual), whitening.whiten(best.jacobian)
+    space, best = fitted.space, fitted.best
     found = {}
     for nuisance in nuisances:
         i = space.names.index(nuisance.name)
-        others = orthonormal_basis(np.delete(jacobian, i, axis=1))
-        own, left = beyond(others, jacobian[:, i]), beyond(others, residual)
+        others = orthonormal_basis(np.delete(white.jacobian, i, axis=1))
+        own, left = beyond(others, white.jacobian[:, i]), beyond(others, white.residual)
         size = float(own @ own)
-        if not size > (FAULT_DEFAULTS.min_own * np.linalg.norm(jacobian[:, i])) ** 2:
+        if not size > (FAULT_DEFAULTS.min_own * np.linalg.norm(white.jacobian[:, i])) ** 2:
             continue
         step = -float(own @ left) / size
         variance = float(np.square(left + step * own).sum()) / (len(left) - others.shape[1] - 1)
-        degrees = noise_degrees(own[:, None], whitening.models, lengths)
         unit = float(space.width[i])
-        found[nuisance] = float(best.values[i]) + step * unit, float(np.sqrt(positive(variance / size))) * unit, degrees
+        std = float(np.sqrt(positive(variance / size))) * unit
+        found[nuisance] = float(best.values[i]) + step * unit, std, white.degrees(own)
     return found
+
+
+def _clearest_jump(fitted: FitContext, level: float) -> tuple[tuple[RecordingFault, ...], Array]:
+    """Jump of a position that explains most, if that is no chance, and its response in a column.
+
+    The noise that counts is what is left beside the jump, so that its time is looked for twice.
+    """
+    problem, nothing = fitted.problem, np.zeros((fitted.best.residual.size, 0))
+    at, step, white = (0, 0), nothing, _Whitened.of(fitted, nothing)
+    for _ in range(2):
+        at, count = _clearest_step(problem, white, beside=step.shape[1])
+        if not count:
+            return (), nothing
+        segment = list(segments(problem.recordings))[at[0]]
+        step = np.zeros((len(nothing), 1))
+        step[segment.rows.start + at[1] : segment.rows.stop] = 1.0
+        white = _Whitened.of(fitted, step)
+    basis = orthonormal_basis(white.jacobian[:, :-1])
+    own, left = beyond(basis, white.jacobian[:, -1]), beyond(basis, white.residual)
+    size = float(own @ own)
+    coefficient = float(own @ left) / positive(size)
+    variance = float(np.square(left - coefficient * own).sum()) / (left.size - basis.shape[1] - 1)
+    std = float(np.sqrt(positive(variance / positive(size))))
+    clear = abs(coefficient) > std * float(student.ppf(1.0 - 0.5 * level / count, white.degrees(own)))
+    moved = coefficient * beyond(orthonormal_basis(fitted.best.jacobian), step)
+    if not (clear and float(np.square(moved).sum()) > FAULT_DEFAULTS.min_share * fitted.best.cost):
+        return (), nothing
+    weight, time = float(problem.weights[segment.output]), float(segment.recording.t[at[1]])
+    number = at[0] // len(segment.recording.outputs)
+    return (RecordingFault("jump", -coefficient / weight, std / weight, segment.output, number, time),), step
+
+
+def _clearest_step(problem: SimulationErrorProblem, white: _Whitened, beside: int) -> tuple[tuple[int, int], int]:
+    """Segment and sample from which on a step of a position explains most, and the number of steps looked at.
+
+    The last `beside` columns of the Jacobian are steps that were found before.
+    """
+    basis = orthonormal_basis(white.jacobian[:, : white.jacobian.shape[1] - beside])
+    left = beyond(basis, white.residual)
+    best, at, count = 0.0, (0, 0), 0
+    for number, segment in enumerate(segments(problem.recordings)):
+        if KINDS[segment.recording.outputs[segment.output].kind] != 0:
+            continue
+        explained = _explained_by_steps(white.whitening.models[number], left[segment.rows], basis[segment.rows])
+        count += int(np.count_nonzero(explained))
+        sample = int(np.argmax(explained))
+        if explained[sample] > best:
+            best, at = float(explained[sample]), (number, sample)
+    return at, count
+
+
+def _explained_by_steps(model: Autoregression, left: Array, basis: Array) -> Array:
+    """Sum of squares that a step from each sample on explains of a whitened segment, shape (samples,).
+
+    Zero where a basis makes the step, and in the first samples, where the position at the start makes it.
+
+    Parameters
+    ----------
+    model : Autoregression
+        Noise of the segment.
+    left : ndarray, shape (samples,)
+        What is left beyond the basis.
+    basis : ndarray, shape (samples, rank)
+    """
+    std, samples = np.sqrt(positive(model.variance)), len(left)
+    backwards = np.column_stack([left, basis])[::-1]
+    products = np.cumsum(lfilter(model.a, [1.0], backwards, axis=0), axis=0)[::-1] / std
+    course = lfilter(model.a, [1.0], np.ones(samples)) / std
+    whole = np.cumsum(np.square(course))[::-1]
+    own = whole - np.square(products[:, 1:]).sum(axis=1)
+    told = (np.arange(samples) >= max(model.order, 1)) & (own > FAULT_DEFAULTS.min_jump * whole)
+    return np.where(told, np.square(products[:, 0]) / positive(own), 0.0)

@@ -143,7 +143,7 @@ def _negligible_effects(context: FitContext, values: Mapping[str, float], scales
 
 def _recording_fault(fault: RecordingFault, recordings: tuple[Recording, ...]) -> Symptom:
     """Symptom of a fault that the fit needs beside the parameters."""
-    if fault.output is None:
+    if fault.kind == "drift":
         signal = recordings[0].input
         size, std = fault.size * signal.factor, fault.std * signal.factor
         return Symptom(
@@ -152,6 +152,17 @@ def _recording_fault(fault: RecordingFault, recordings: tuple[Recording, ...]) -
             " recording",
             "friction may change while the drive warms up, the sensor of the torque drifts, or the structure lacks an"
             " effect: let it warm up first, or use a shorter --window",
+        )
+    if fault.kind == "jump":
+        r = recordings[fault.recording]
+        signal = r.outputs[fault.output]
+        size, std = fault.size * signal.factor, fault.std * signal.factor
+        return Symptom(
+            "Position jumps",
+            f"the fit needs '{signal.name}' of {r.name} to jump by {size:.3g} ± {2.0 * std:.1g} {signal.unit} at"
+            f" {fault.time:.6g} s",
+            "samples are lost there without a gap in the time, the encoder slips, or the structure lacks an effect: use"
+            " the time before or after it by --window",
         )
     first, name = recordings[0].outputs[0].name, recordings[0].outputs[fault.output].name
     way = "later" if fault.size > 0.0 else "earlier"
