@@ -191,7 +191,8 @@ def _find_times(table: Table, options: ReadingOptions, chosen: Sequence[int]) ->
         if not 1.0 / READING.absurd < dt < READING.absurd:
             raise SettingsError(f"sampling interval {dt:g} s is not a positive number of a possible size")
         names = [table.columns[i].name for i in found]
-        return (), [f"the interval is given, the time in column '{name}' is not used" for name in names]
+        times = [f"the time in column '{name}'" if name else "that of the file" for name in names]
+        return (), [f"the interval is given, {time} is not used" for time in times]
     own = [table.columns[i].clock for i in chosen]
     if clocks := tuple(clock for clock in own if clock is not None):
         if len(clocks) == len(chosen):

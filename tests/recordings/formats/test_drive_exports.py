@@ -253,3 +253,85 @@ def test_inspect__name_that_ends_in_a_word_like_a_unit__is_no_length(tmp_path: P
     assert any("--rated" in question for question in found.questions)
     path = write(tmp_path, ["time;current_in;speed_rpm"], lambda t, u, v: f"{t:g};{u};{v}")
     assert inspect(path).options["units"]["current_in"] == "A"
+
+
+@pytest.mark.parametrize(("between", "blank"), [(";", " "), (",", " "), (",", ""), ("\t", "")])
+def test_read_recording__unit_behind_every_number__is_that_of_the_column(
+    tmp_path: Path, between: str, blank: str
+) -> None:
+    head = between.join(["time", "torque", "speed"])
+    row = between.join(["{0:.3f}{3}s", "{1:g}{3}N m", "{2:.2f}{3}rpm"])
+    path = write(tmp_path, [head], lambda t, u, v: row.format(t, u, v, blank))
+    same(path)
+    assert [c.unit for c in open_table(path)[0].columns] == ["s", "N m", "rpm"]
+
+
+def test_read_recording__two_units_behind_numbers_of_a_column__is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path, ["time;torque;speed"], lambda t, u, v: f"{t:.3f} s;{u:g} N m;{v:.2f} rpm")
+    text = path.read_text("utf-8")
+    path.write_text(text.replace(f"{U[40]:g} N m", f"{1e3 * U[40]:g} mN m"), "utf-8")
+    with pytest.raises(
+        RecordingError, match=r"column 'torque': '.* N m' is not a number; 'N m' is not the unit of all rows"
+    ):
+        read_recording(path, input="torque", outputs="speed:velocity", units={"torque": "N m", "speed": "rpm"})
+
+
+def test_read_recording__words_that_begin_with_numbers__are_no_units(tmp_path: Path) -> None:
+    path = write(tmp_path, ["time;state;torque [Nm];speed [rpm]"], lambda t, u, v: f"{t:.3f};2nd gear;{u:g};{v:.2f}")
+    same(path)
+
+
+@pytest.mark.parametrize("name", ["ms", "msec", "Milliseconds", "ms [ms]"])
+def test_read_recording__milliseconds_right_of_clock_times__are_added(tmp_path: Path, name: str) -> None:
+    def row(t: float, u: float, v: float) -> str:
+        return f"27.11.2026;23:59:{59 if t < 0.05 else 0:02d};{(950 + round(1e3 * t)) % 1000};{u:g};{v:.2f}"
+
+    path = write(tmp_path, [f"Date;Time;{name};torque [Nm];speed [rpm]"], row)
+    path.write_text(path.read_text("utf-8").replace("23:59:00", "00:00:00"), "utf-8")
+    same(path)
+
+
+def test_read_recording__milliseconds_right_of_a_time_with_a_fraction__are_not_added_twice(tmp_path: Path) -> None:
+    head = ["Time;ms;torque [Nm];speed [rpm]"]
+    same(write(tmp_path, head, lambda t, u, v: f"12:00:00.{round(1e3 * t):03d};{round(1e3 * t)};{u:g};{v:.2f}"))
+
+
+STATED = {
+    "interval": ["Device: A1", "Sample interval: 0.002 s", "Samples: 60"],
+    "interval in its brackets": ["Sampling time [ms] = 2"],
+    "rate": ["SampleRate;500 Hz"],
+    "rate of a scope": ["Sample Rate: 0.5 kS/s (recorded)"],
+    "comment": ["# sampling period: 2ms"],
+    "German": ["Abtastzeit: 2,0 ms"],
+}
+
+
+@pytest.mark.parametrize("head", STATED.values(), ids=STATED)
+def test_read_recording__interval_above_the_numbers__is_used_and_noted(tmp_path: Path, head: list[str]) -> None:
+    german = "Abtast" in head[0]
+    path = write(
+        tmp_path, [*head, "torque [Nm];speed [rpm]"], lambda t, u, v: f"{comma(u)};{comma(v)}" if german else f"{u};{v}"
+    )
+    recording = same(path)
+    assert any("gives the sampling interval of 0.002 s" in note for note in recording.notes)
+
+
+def test_read_recording__interval_given__goes_before_that_of_the_file(tmp_path: Path) -> None:
+    path = write(tmp_path, [*STATED["rate"], "torque [Nm];speed [rpm]"], lambda t, u, v: f"{u};{v}")
+    recording = read_recording(path, input="torque", outputs="speed:velocity", dt=1e-3)
+    assert recording.dt == 1e-3
+    assert "the interval is given, that of the file is not used" in recording.notes
+
+
+@pytest.mark.parametrize(
+    "head",
+    [["Sample interval: 0.002"], ["Sampling rate: 500 Hz", "Scan rate: 1 kHz"], ["Sample time: 0 s"], ["Sampling: on"]],
+)
+def test_read_recording__interval_without_unit_or_certainty__is_asked_for(tmp_path: Path, head: list[str]) -> None:
+    path = write(tmp_path, [*head, "torque [Nm];speed [rpm]"], lambda t, u, v: f"{u};{v}")
+    with pytest.raises(RecordingError, match="give the interval by --dt"):
+        read_recording(path, input="torque", outputs="speed:velocity")
+
+
+def test_read_recording__interval_beside_a_time__is_not_used(tmp_path: Path) -> None:
+    same(write(tmp_path, ["Sample rate: 1 Hz", HEADER], lambda t, u, v: f"{t:.3f};{u};{v}"))

@@ -3,7 +3,8 @@
 The reader finds encoding, delimiter, decimal and thousands mark, comment lines (``#``, ``%``, ``//``, ``!``), lines
 before the header, and the header. Units in the header are written as ``torque [N m]``, ``torque (N m)`` or
 ``torque / N m``, or in a row below the names. Empty lines are skipped. Without a header the columns are called ``1``,
-``2``, ... A text that is compressed by gzip is expanded.
+``2``, ... Without a time, a line above the header may state the sampling interval. A text that is compressed by gzip is
+expanded.
 """
 
 from __future__ import annotations
@@ -22,15 +23,17 @@ from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.dialect import MISSING, Dialect, dialects, find_dialect
 from brightgrey.recordings.formats.header import Lines, header_comment, named_columns, split_header
 from brightgrey.recordings.formats.numbers import TextNumbers
+from brightgrey.recordings.formats.stated_interval import stated_interval, with_interval
 from brightgrey.recordings.formats.table import TIME_NAME, Column, Table, list_rows, skipped_rows, with_clocks
 from brightgrey.recordings.formats.text import UNKNOWN_ENCODING, Text, read_text
 from brightgrey.recordings.formats.time_stamps import are_stamps, first_day
 from brightgrey.recordings.policy import READING
-from brightgrey.recordings.units.parser import is_unit
 
 __all__ = ["read_delimited"]
 
 COMMENTS = ("#", "%", "//", "!")
+MILLISECONDS = re.compile(r"(ms|msec|milli[ _]?(s|sec\w*|sek\w*))(\s*[\[(]ms[\])])?", re.IGNORECASE)
+FRACTION = re.compile(r":\d\d([.,]\d|:\d{3})")
 LEADING_WORD = re.compile(r"[^\W\d_][^\d]*")
 
 
@@ -100,6 +103,7 @@ def _table(
     commented = header is None and not head.text
     if commented:
         head = header_comment(comments, int(body[0]) + 1, low, dialect)
+    above = Lines([*head.text, *comments.text], [*head.rows, *comments.rows])
     numbered = int(_has_row_names(text, body, rows, head, dialect))
     widths = (low - numbered, high - numbered)
     whole = dialect.delimiter == "," and not any("." in field for row in rows for field in row)
@@ -122,9 +126,13 @@ def _table(
     notes = (*notes, *_one_value_per_row(columns, fields, dialect))
     rising = {i for i, texts in enumerate(fields) if _is_rising(texts, dialect)}
     table = Table(name, with_clocks(columns, rising), body + 1, lambda indices: np.empty(0), notes)
-    numbers = TextNumbers(text, body, width, dialect, stamps, table, cell_units)
+    behind = {i: i + 1 for i in stamps if _are_milliseconds(columns[i + 1 : i + 2], fields[i])}
+    numbers = TextNumbers(text, body, width, dialect, stamps, table, cell_units, milliseconds=behind)
     numbers.check_widths()
-    return replace(table, load=numbers.load)
+    table = replace(table, load=numbers.load)
+    timed = any(TIME_NAME.fullmatch(c.name) or c.clock_time or c.is_in_time for c in columns)
+    stated = None if timed else stated_interval(above, dialect)
+    return with_interval(table, stated) if stated else table
 
 
 def _has_row_names(text: Text, body: Indices, rows: list[list[str]], head: Lines, dialect: Dialect) -> bool:
@@ -136,13 +144,14 @@ def _has_row_names(text: Text, body: Indices, rows: list[list[str]], head: Lines
 
 
 def _cell_unit(fields: list[str], dialect: Dialect) -> str:
-    """Return the unit that follows every number of a column (``0.002 sec``), empty if none does."""
-    cells = [field.rpartition(" ") for field in fields if field.casefold() not in MISSING]
-    units = {unit for _, _, unit in cells}
-    if len(units) != 1 or not all(dialect.is_number(number.rstrip()) for number, _, _ in cells):
-        return ""
-    unit = units.pop()
-    return unit if is_unit(unit) and not unit[0].isdigit() else ""
+    """Return the unit that stands behind every number of a column (``0.002 sec``), empty if none does."""
+    units = {dialect.unit_behind(field) for field in fields if field.casefold() not in MISSING}
+    return units.pop() if len(units) == 1 else ""
+
+
+def _are_milliseconds(right: Sequence[Column], stamps: list[str]) -> bool:
+    """Return True if the column right of clock times without a fraction holds their milliseconds, by its name."""
+    return bool(right and MILLISECONDS.fullmatch(right[0].header)) and not any(map(FRACTION.search, stamps))
 
 
 def _one_value_per_row(columns: Sequence[Column], fields: list[list[str]], dialect: Dialect) -> list[str]:

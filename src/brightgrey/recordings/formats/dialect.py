@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.recordings.units.parser import is_unit
 
 __all__ = ["DELIMITERS", "MISSING", "Dialect", "dialects", "find_dialect", "with_thousands"]
 
@@ -34,6 +35,7 @@ NUMBERS = {
     ",": re.compile(r"[+−-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+−-]?\d+)?", re.ASCII),
 }
 INFINITE = re.compile(r"(?P<sign>[+-]?)(?:inf(?:inity)?|∞|1[.]#INF)", re.IGNORECASE)
+UNIT_START = re.compile(r"[^\W\d_eE]|[%°‰]")
 LONGEST_NUMBER = 400
 """Characters of the longest number: 1e308 with all its digits and some decimals."""
 # Thousands marks that are nothing else; a plain space is one beside semicolons only.
@@ -53,6 +55,7 @@ class Dialect:
     delimiter: str
     decimal: str
     thousands: str = ""
+    units: bool = False  #: True if units stand behind numbers (``0.5 N m``).
 
     def split(self, line: str) -> list[str]:
         """Cut a line into its fields, without quotes and white space around them."""
@@ -72,7 +75,16 @@ class Dialect:
         return [field for field in fields if field] if self.delimiter == " " else fields
 
     def is_number(self, field: str) -> bool:
-        """Return True if a field holds a number, infinity included."""
+        """Return True if a field holds a number, infinity included; with its unit if units stand behind numbers."""
+        return self._is_plain(field) or (self.units and bool(self.unit_behind(field)))
+
+    def unit_behind(self, field: str) -> str:
+        """Return the unit behind the number of a field, empty if there is none."""
+        match = NUMBERS[self.decimal].match(field) if len(field) < LONGEST_NUMBER else None
+        unit = field[match.end() :].strip() if match else ""
+        return unit if UNIT_START.match(unit) and is_unit(unit) else ""
+
+    def _is_plain(self, field: str) -> bool:
         if len(field) > LONGEST_NUMBER:
             return False
         if self.thousands and self.thousands in field:
@@ -80,10 +92,10 @@ class Dialect:
         return bool(NUMBERS[self.decimal].fullmatch(field) or INFINITE.fullmatch(field))
 
     def number(self, field: str) -> float | None:
-        """Return the value of a field: NaN if it is missing, None for text."""
+        """Return the value of a field without unit: NaN if it is missing, None for text."""
         if field.casefold() in MISSING:
             return float("nan")
-        if not self.is_number(field):
+        if not self._is_plain(field):
             return None
         if match := INFINITE.fullmatch(field):
             return float(f"{match['sign']}inf")
@@ -166,23 +178,35 @@ def find_dialect(lines: Sequence[str], candidates: Sequence[Dialect]) -> tuple[D
         Share of numbers among the fields of the lines that have the usual number of fields (at least two). Without
         such lines, the share of those that are one number, if it is the larger part.
     """
+    shown = [with_thousands(dialect, lines) for dialect in candidates if not _is_mixed(dialect, lines)]
+    best, score, width = _best_of(shown, lines)
+    if score == 1.0:
+        return best, score
+    with_units, more, _ = _best_of([replace(dialect, units=True) for dialect in shown], lines)
+    # One column more, in most lines: a single remark with a number and a unit decides nothing.
+    return (with_units, more) if more - score > 0.5 / width else (best, score)
 
-    def score(dialect: Dialect) -> float:
+
+def _best_of(shown: Sequence[Dialect], lines: Sequence[str]) -> tuple[Dialect, float, int]:
+    """Return the dialect with the highest score, the score, and the usual number of fields."""
+
+    def scored(dialect: Dialect) -> tuple[float, int]:
         rows = [dialect.split(line) for line in lines]
         width = Counter(len(row) for row in rows).most_common(1)[0][0]
         if width < 2:
-            return 0.0
+            return 0.0, 1
         total = 0.0
         for row in rows:
             if len(row) == width:
                 present = [field for field in row if field.casefold() not in MISSING]
                 total += sum(map(dialect.is_number, present)) / max(len(present), 1)
-        return total / len(rows)
+        return total / len(rows), width
 
-    shown = [with_thousands(dialect, lines) for dialect in candidates if not _is_mixed(dialect, lines)]
-    scores = [score(dialect) for dialect in shown]
-    best = max(scores)
+    found = [scored(dialect) for dialect in shown]
+    best = max(score for score, _ in found)
     if best == 0.0:
-        scores = [sum(map(dialect.is_number, map(str.strip, lines))) / len(lines) for dialect in shown]
-        best = max(scores) if max(scores) > 0.5 else 0.0
-    return shown[int(np.argmax(scores))], best
+        found = [(sum(map(dialect.is_number, map(str.strip, lines))) / len(lines), 1) for dialect in shown]
+        best = max(score for score, _ in found)
+        best = best if best > 0.5 else 0.0
+    at = int(np.argmax([score for score, _ in found]))
+    return shown[at], best, found[at][1]

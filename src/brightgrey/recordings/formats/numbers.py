@@ -36,6 +36,8 @@ class TextNumbers:
         Columns in which a unit follows every number.
     ragged : bool
         True if fields may be missing at the end of a row: shorter channels have ended there.
+    milliseconds : mapping of int to int
+        Columns with the milliseconds of clock times, by the column of these.
     """
 
     text: Text
@@ -46,6 +48,7 @@ class TextNumbers:
     table: Table
     cell_units: Mapping[int, str] = field(default_factory=dict)
     ragged: bool = False
+    milliseconds: Mapping[int, int] = field(default_factory=dict)
 
     def check_widths(self) -> None:
         """Refuse rows with more or fewer fields (RecordingError); additional empty fields at the end are accepted."""
@@ -83,6 +86,8 @@ class TextNumbers:
             if index in self.stamps:  # precision is lost far from zero
                 if not self.stamps[index]:  # no date
                     values[row] = past_midnight(values[row])
+                if index in self.milliseconds:
+                    values[row] += 1e-3 * self.load([self.milliseconds[index]])[0]
                 values[row] -= np.nanmin(values[row]) if np.isfinite(values[row]).any() else 0.0
         return values
 
@@ -121,9 +126,11 @@ class TextNumbers:
                     raise self._fault(f"'{clocks[index][wrong[0]]}' is no clock time", index, at + wrong[0])
 
     def _doubt(self, cell: str) -> str:
-        """Return what may be meant by a cell with the mark that is not the decimal mark, and what to do."""
+        """Return what may be meant by a cell with a unit or with another decimal mark, and what to do."""
+        if unit := self.dialect.unit_behind(cell):
+            return f"; '{unit}' is not the unit of all rows: give every number of the column the same unit, or none"
         mark = "," if self.dialect.decimal == "." else "."
-        if not replace(self.dialect, decimal=mark, thousands="").is_number(cell):
+        if not replace(self.dialect, decimal=mark, thousands="", units=False).is_number(cell):
             return ""
         return (
             f" with the decimal mark '{self.dialect.decimal}' that the file has elsewhere; if its '{mark}' separates"

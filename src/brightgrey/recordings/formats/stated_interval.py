@@ -1,0 +1,85 @@
+"""Sampling interval that a line above the numbers states: ``Sample interval: 0.001 s``, ``SampleRate;1000 Hz``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from brightgrey.arrays import Array
+from brightgrey.recordings.formats.dialect import Dialect
+from brightgrey.recordings.formats.header import Lines
+from brightgrey.recordings.formats.table import Column, Table
+from brightgrey.recordings.units.parser import is_unit, parse_unit
+
+__all__ = ["StatedInterval", "stated_interval", "with_interval"]
+
+STATEMENT = re.compile(
+    r"\W*(?:sampl(?:e|ing)|scan|logging|recording|trace|abtast)[ _-]?"
+    r"(?:interval|intervall|time|zeit|period|periode|step|rate|freq|frequency|frequenz|cycle)\s*"
+    r"(?:[\[(](?P<unit_before>[^\])]{1,12})[\])])?[\s:=;,|]*(?P<number>[+\d.,eE-]+)\s*[\[(]?(?P<unit_after>[^\s\])(;,|\"']{0,12})",
+    re.IGNORECASE,
+)
+RATE = re.compile(r"(?P<prefix>[kM]?)(?:Hz|Hertz|(?:S|Sa|[Ss]amples?)/s(?:ec|econd)?)")
+PREFIXES = {"": 1.0, "k": 1e3, "M": 1e6}
+LONGEST_LINE = 200
+
+
+@dataclass(frozen=True)
+class StatedInterval:
+    """A sampling interval, and where it is stated."""
+
+    dt: float  #: In s.
+    row: int
+    text: str
+
+
+def stated_interval(lines: Lines, dialect: Dialect) -> StatedInterval | None:
+    """Sampling interval that one of the lines states with a unit; None if none does, or if two contradict each other.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines above the numbers, comments included.
+    dialect : Dialect
+        Of the file; a decimal point is understood, too.
+    """
+    found = []
+    for text, row in zip(lines.text, lines.rows, strict=True):
+        match = STATEMENT.match(text) if len(text) < LONGEST_LINE else None
+        if match is None:
+            continue
+        number = match["number"].rstrip(",.;")
+        value = dialect.number(number)
+        value = replace(dialect, decimal=".", thousands="").number(number) if value is None else value
+        unit = (match["unit_before"] or match["unit_after"]).strip()
+        dt = _seconds(value, unit) if value and 0.0 < value < np.inf else None
+        if dt is not None:
+            found.append(StatedInterval(dt, row, text.strip()))
+    agree = found and all(np.isclose(one.dt, found[0].dt, rtol=1e-6) for one in found)
+    return found[0] if agree else None
+
+
+def _seconds(value: float, unit: str) -> float | None:
+    """Return an interval in s from a time or a rate; None for another unit."""
+    if match := RATE.fullmatch(unit):
+        return 1.0 / (value * PREFIXES[match["prefix"]])
+    parsed = parse_unit(unit) if unit and is_unit(unit) else None
+    return value * parsed.si if parsed and parsed.dimension == (("[time]", 1),) else None
+
+
+def with_interval(table: Table, stated: StatedInterval) -> Table:
+    """Add a time without a name as the last column, by which all others are recorded."""
+    load, time = table.load, len(table.columns)
+    t = stated.dt * np.arange(table.rows.size)
+
+    def load_with_time(indices: Sequence[int]) -> Array:
+        own = [i for i in indices if i < time]
+        loaded = iter(load(own) if own else ())
+        return np.array([next(loaded) if i < time else t for i in indices])
+
+    columns = tuple(replace(column, clock=time) for column in table.columns)
+    note = f"row {stated.row} gives the sampling interval of {stated.dt:.6g} s: '{stated.text[:60]}'"
+    return replace(table, columns=(*columns, Column("", "", "s")), load=load_with_time, notes=(*table.notes, note))
