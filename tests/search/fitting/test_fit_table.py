@@ -238,6 +238,32 @@ def test_continue_to_submodels__same_optimum__once(task, monkeypatch):
     assert followed == [(small, better), (small, little), (small, better), (small, better)]
 
 
+def test_propagate__masses_joined__descends_from_a_bad_start_for_a_small_gain():
+    """A third mass on a stiff shaft costs next to nothing less; both joined begin far above the optimum of two."""
+    true, e = {"J1": 0.008, "J2": 0.012, "c1": 60.0, "d1": 0.02, "M_C": 0.9}, PAPER_EXPERIMENT
+    small, big = PAPER.parse("two_mass+coulomb"), PAPER.parse("three_mass+coulomb")
+    (v,) = reference(str(small), true, e.torque(), e.dt, f_tanh=e.f_tanh)
+    v += 1e-2 * np.abs(v).max() * np.random.default_rng(5).standard_normal(v.size)
+    r = make_recording(e.torque(), v, dt=e.dt, names=("torque", "velocity"), name="split")
+    known = scales([r])
+    task = IdentificationTask((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast"))
+
+    def ended(structure, cost=None, **values):
+        named = {n: np.array([x]) for n, x in values.items()}
+        reached = float(task.problem(structure).costs(named, task.settings)[0])
+        return StructureFit(structure, values, cost or reached, len(values)), reached
+
+    fits, (_, best) = FitTable(task, [small, big]), ended(small, **true)
+    joined = {**true, "c1": 66.0}
+    split = {"J1": 0.004, "J2": 0.004, "J3": 0.012, "c1": 4000.0, "c2": 66.0, "d1": 0.05, "d2": 0.02, "M_C": 0.9}
+    assert ended(small, **joined)[1] > 1.2 * best
+    fits.done[small] = ended(small, 1.05 * best, **{**true, "J2": 0.02})[0]
+    fits.done[big] = ended(big, best, **split)[0]
+    with thread_pool(None) as workers:
+        fits.propagate({big}, workers)
+    assert fits.done[small].cost <= 1.001 * best
+
+
 def test_continue_to_submodels__improved__neighbours_refitted(task, monkeypatch):
     costs = {"two_mass+backlash": 100.0, "two_mass+coulomb+backlash": 60.0, "two_mass+gravity+backlash": 90.0}
     small, larger, other = map(PAPER.parse, costs)

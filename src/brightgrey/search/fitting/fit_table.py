@@ -313,16 +313,16 @@ class FitTable:
         """Refit submodels from the optima of their supermodels, the largest first; returns those that got better.
 
         Without a hard limit a descent is cheap. It is made even from a bad start if the supermodel comes near the best
-        fit. Other effects may take the removed one's part, as a dead time does of a lag.
+        fit. Others may take an effect's part, and joined masses always begin badly, so that the least gain tells there.
         """
         near = self.cutoff_cost() if self.done else np.inf
 
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
-            better = [t for t in around if self.done[t].cost < own.cost]
-            better = [t for t in better if self._should_refit(s, self.done[t].cost)]
+            better = [t for t in around if self.done[t].cost < own.cost and self._should_refit(s, self.done[t].cost)]
             offers = [self._behind(t) for t in self._fresh(s, better)]
-            telling = min((f.cost for f in offers), default=np.inf) < min(REFIT.clear_gain * own.cost, near)
+            gain = REFIT.improved if any(f.structure.masses > s.masses for f in offers) else REFIT.clear_gain
+            telling = min((f.cost for f in offers), default=np.inf) < min(gain * own.cost, near)
             anyway = telling and not s.has_hard_limit
             return (refit_from_supermodel, self.task, own, offers, self._how, anyway) if offers else None
 

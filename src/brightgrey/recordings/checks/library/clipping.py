@@ -23,7 +23,7 @@ class _Policy:
     """Samples over which that slope is taken."""
     least: int = 5
     """Neighbouring samples at a limit that make a flat top."""
-    matters: float = 0.01
+    matters: float = 0.0025
     """Part of the samples at a limit from which it is said."""
 
 
@@ -38,7 +38,7 @@ def run(examined: Examined) -> Iterator[CheckResult]:
             continue
         share, limit = _at_limit(values)
         figure = f"{100 * share:.1f} % of '{signal.name}' are at a limit"
-        threshold = f"{100 * POLICY.matters:.0f} %"
+        threshold = f"{100 * POLICY.matters:g} %"
         if share < POLICY.matters:
             yield passed(figure, threshold)
             continue

@@ -17,8 +17,13 @@ from brightgrey.recordings.units.amounts import rounded
 class _Policy:
     """Numbers of this module."""
 
-    least: float = 10.0
-    """Standard deviation of an output in steps below which its course is hidden by rounding (3 % of noise)."""
+    largest_noise: float = 0.01
+    """Noise that rounding may add, as a part of the output's standard deviation."""
+
+    @property
+    def least(self) -> float:
+        """Standard deviation in steps with that noise, 1 / sqrt(12) of a step."""
+        return float(1.0 / (np.sqrt(12.0) * self.largest_noise))
 
 
 POLICY = _Policy()
@@ -33,7 +38,7 @@ def run(examined: Examined) -> Iterator[CheckResult]:
         steps = float(np.std(values)) / float(step)
         shown = f"{float(step) * signal.factor:.4g} {signal.unit}"
         figure = f"'{signal.name}' has steps of {shown}, {rounded(steps, 3)} in its standard deviation"
-        threshold = f"{POLICY.least:g} steps"
+        threshold = f"{POLICY.least:.0f} steps, whose rounding is {100 * POLICY.largest_noise:g} % of noise"
         if steps < POLICY.least:
             yield mind(
                 figure,
