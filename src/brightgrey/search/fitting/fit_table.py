@@ -313,7 +313,7 @@ class FitTable:
         """Refit submodels from the optima of their supermodels, the largest first; returns those that got better.
 
         Without a hard limit a descent is cheap. It is made even from a bad start if the supermodel comes near the best
-        fit. Others may take an effect's part, and joined masses always begin badly, so that the least gain tells there.
+        fit. Others may take an effect's part; several masses left of more always begin badly: there the least gain tells.
         """
         near = self.cutoff_cost() if self.done else np.inf
 
@@ -321,7 +321,7 @@ class FitTable:
             own = self.done[s]
             better = [t for t in around if self.done[t].cost < own.cost and self._should_refit(s, self.done[t].cost)]
             offers = [self._behind(t) for t in self._fresh(s, better)]
-            gain = REFIT.improved if any(f.structure.masses > s.masses for f in offers) else REFIT.clear_gain
+            gain = REFIT.improved if any(f.structure.masses > s.masses > 1 for f in offers) else REFIT.clear_gain
             telling = min((f.cost for f in offers), default=np.inf) < min(gain * own.cost, near)
             anyway = telling and not s.has_hard_limit
             return (refit_from_supermodel, self.task, own, offers, self._how, anyway) if offers else None
