@@ -313,7 +313,7 @@ class FitTable:
         """Refit submodels from the optima of their supermodels, the largest first; returns those that got better.
 
         Without a hard limit a descent is cheap. It is made even from a bad start if the supermodel comes near the best
-        fit. Others may take an effect's part; several masses left of more always begin badly: there the least gain tells.
+        fit. Others may take an effect's part. Several masses left of more begin badly: the least gain tells.
         """
         near = self.cutoff_cost() if self.done else np.inf
 
