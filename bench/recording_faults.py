@@ -48,8 +48,6 @@ MOVED = 2.0
 """Standard deviations by which a fault that matters moves a parameter."""
 CHECK_ERRORS = 3.0
 """Standard errors from which the check of two outputs names a delay."""
-ALL_KINDS = "all kinds"
-"""Row of all faults together."""
 IDEAL_LEVEL = 1e-3
 """Probability by chance of the ideal test."""
 
@@ -560,13 +558,10 @@ def named_rows(all_drives: Sequence[Drive], seed: int, each: int, kinds: Sequenc
 
 def matter_rows(all_drives: Sequence[Drive], seed: int, each: int, kinds: Sequence[str]) -> Iterator[list[str]]:
     """Rows of the faults where they matter: named by a check, or by a symptom of the fit; and by an ideal test."""
-    all_by_check, all_by_any = [], []
     for number, fault in enumerate(FAULTS):
         if kinds and fault.name not in kinds:
             continue
-        by_check: list[bool] = []
-        by_any: list[bool] = []
-        powers, before = [], []
+        by_check, by_any, powers, before = [], [], [], []
         for drive, size, faulty in faulty_recordings(all_drives, seed, number, each):
             found = fitted(drive, faulty)
             if not matters(clean_fit(seed, drive), found):
@@ -577,19 +572,17 @@ def matter_rows(all_drives: Sequence[Drive], seed: int, each: int, kinds: Sequen
                 powers.append(ideal_power(seed, drive, fault, size, faulty))
                 if fault.needs == "both":  # the input says nothing of a difference of the outputs
                     before.append(check_power(seed, drive, fault, size))
-        row = [fault.name, of_all(by_check), summed(before), of_all(by_any) if fault.symptoms else ""]
-        row.append(summed(powers))
+        named = [share(sum(cells), len(cells)) for cells in (by_check, by_any)]
+        row = [fault.name, named[0], summed(before), named[1] if fault.symptoms else "", summed(powers)]
         print(row, flush=True)
         yield row
-        all_by_check += by_check
-        all_by_any += by_any
-    if not kinds:
-        yield [ALL_KINDS, of_all(all_by_check), "", of_all(all_by_any), ""]
 
 
-def of_all(named: Sequence[bool]) -> str:
-    """Share of the faults that are named."""
-    return share(sum(named), len(named))
+def all_kinds(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Row of the faults of all rows together; where a fault has no symptom, its checks alone name it."""
+    by_check, by_any = ([row[1] for row in rows], [row[3] or row[1] for row in rows])
+    sums = [[sum(int(cell.split()[k]) for cell in cells) for k in (0, 2)] for cells in (by_check, by_any)]
+    return ["all kinds", share(*sums[0]), "", share(*sums[1]), ""]
 
 
 def summed(powers: Sequence[float]) -> str:
@@ -713,8 +706,8 @@ def main() -> None:
         by_fault = saved_rows("Faults that matter") if options.kinds else {}
         for row in matter_rows(found, options.seed, options.fits, options.kinds):
             by_fault[row[0]] = row
-            rows = [by_fault[name] for name in (*(fault.name for fault in FAULTS), ALL_KINDS) if name in by_fault]
-            publish("checks", [Table("Faults that matter", heads, rows)], to_file=options.save)
+            rows = [by_fault[fault.name] for fault in FAULTS if fault.name in by_fault]
+            publish("checks", [Table("Faults that matter", heads, [*rows, all_kinds(rows)])], to_file=options.save)
     if "symptoms" in options.only:
         fitted_before = found[: len(SENSORS) * options.fits]  # so many drives give each sensor its fits
         rows = list(symptom_rows(fitted_before, options.seed))
