@@ -93,6 +93,8 @@ def _renamed(table: Table, stem: str) -> Table:
 
 
 def _own_time(table: Table) -> int | None:
-    """Return the column that is called a time, else one of clock times; None if there is none."""
-    named = (i for i, column in enumerate(table.columns) if TIME_NAME.fullmatch(column.name))
-    return next(named, next((i for i, column in enumerate(table.columns) if column.clock_time), None))
+    """Return the column that is called a time, else one of clock times, else that of all channels; None without one."""
+    named = [i for i, column in enumerate(table.columns) if TIME_NAME.fullmatch(column.name)]
+    stamps = [i for i, column in enumerate(table.columns) if column.clock_time]
+    clocks = {column.clock for column in table.columns if column.clock is not None}
+    return next(iter((*named, *stamps, *(clocks if len(clocks) == 1 else ()))), None)

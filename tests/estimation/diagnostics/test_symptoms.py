@@ -132,6 +132,23 @@ def test_symptoms__position_with_all_samples__does_not_jump():
     assert symptoms_of("one_mass+coulomb+viscous", with_position(slice(0))[0]) == {}
 
 
+@pytest.mark.parametrize("counts", [100, 500, 3000])
+def test_symptoms__rounding_of_an_encoder__is_no_jump(counts):
+    _, q = with_position(slice(0))
+    step = np.abs(q).max() / counts
+    measured = make_recording(TORQUE, np.round(q / step) * step, dt=E.dt, kind="position")
+    assert "Position jumps" not in symptoms_of("one_mass+coulomb+viscous", measured)
+
+
+def test_symptoms__one_outlier_in_slow_noise__is_no_jump():
+    _, q = with_position(slice(0))
+    rng = np.random.default_rng(3)
+    noise = np.cumsum(rng.standard_normal(q.size)) + 0.2 * rng.standard_normal(q.size)
+    noise[900] += 40.0
+    measured = make_recording(TORQUE, q + 1e-4 * np.abs(q).max() * noise, dt=E.dt, kind="position")
+    assert "Position jumps" not in symptoms_of("one_mass+coulomb+viscous", measured)
+
+
 def test_symptoms__jump_of_one_of_two_recordings__names_that_recording():
     measured, other = with_position(slice(700, 712))[0], with_position(slice(0))[0]
     both = [replace(other, name="first.csv"), replace(measured, name="second.csv")]

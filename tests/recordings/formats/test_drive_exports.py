@@ -335,3 +335,67 @@ def test_read_recording__interval_without_unit_or_certainty__is_asked_for(tmp_pa
 
 def test_read_recording__interval_beside_a_time__is_not_used(tmp_path: Path) -> None:
     same(write(tmp_path, ["Sample rate: 1 Hz", HEADER], lambda t, u, v: f"{t:.3f};{u};{v}"))
+
+
+def test_read_recording__interval_beside_times_of_channels__is_not_used(tmp_path: Path) -> None:
+    head = ["Sample rate: 1 Hz", "t_torque;torque [Nm];t_speed;speed [rpm]"]
+    same(write(tmp_path, head, lambda t, u, v: f"{t:.3f};{u};{t:.3f};{v}"))
+
+
+@pytest.mark.parametrize("step", [1.0, 0.01])
+def test_read_recording__interval_beside_a_first_column_that_rises__only_if_it_counts(
+    tmp_path: Path, step: float
+) -> None:
+    head = ["Sample rate: 500 Hz", "n;torque [Nm];speed [rpm]"]
+    path = write(tmp_path, head, lambda t, u, v: f"{step * round(t / 2e-3):g};{u};{v}")
+    if step == 1.0:
+        same(path)
+    else:
+        with pytest.raises(RecordingError, match="give the interval by --dt"):
+            read_recording(path, input="torque", outputs="speed:velocity")
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        ["Recording time: 10 s"],
+        ["Trace time: 5 s"],
+        ["Sample time: 10 s"],
+        ["Sample interval: 1e12 s"],
+        ["Sample rate: 1e-320 Hz"],
+        ["Abtastrate: 10.000 Hz"],
+        ["Sampling rate: 1,000 Hz"],
+        ["Recording rate: 10 kHz", "Decimation: 10"],
+    ],
+)
+def test_read_recording__duration_or_doubtful_interval__is_asked_for(tmp_path: Path, head: list[str]) -> None:
+    path = write(tmp_path, [*head, "torque [Nm];speed [rpm]"], lambda t, u, v: f"{comma(u)};{comma(v)}")
+    with pytest.raises(RecordingError, match="give the interval by --dt"):
+        read_recording(path, input="torque", outputs="speed:velocity")
+
+
+def test_read_recording__file_beside_that_states_its_interval__keeps_it(tmp_path: Path) -> None:
+    first = write(tmp_path, ["time [s];torque [Nm]"], lambda t, u, v: f"{t:.3f};{u}").rename(tmp_path / "a.csv")
+    second = write(tmp_path, ["Sample rate: 500 Hz", "speed [rpm];A"], lambda t, u, v: f"{v};0").rename(
+        tmp_path / "b.csv"
+    )
+    recording = read_recording(first, beside=[second], input="torque", outputs="b.speed:velocity")
+    np.testing.assert_allclose(recording.y[0], V * np.pi / 30, rtol=1e-12)
+    assert recording.dt == pytest.approx(2e-3)
+
+
+def test_read_recording__other_unit_in_the_header_than_behind_the_numbers__is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path, ["time [ms];torque [Nm];speed [rpm]"], lambda t, u, v: f"{t:.3f} s;{u:g} Nm;{v:.2f} rpm")
+    with pytest.raises(RecordingError, match=r"column 'time': its header gives the unit 'ms', its numbers have 's'"):
+        read_recording(path, input="torque", outputs="speed:velocity")
+
+
+def test_read_recording__units_behind_decimal_commas_between_blanks__keeps_the_columns(tmp_path: Path) -> None:
+    row = "{0} s {1} Nm {2} rpm"
+    path = write(tmp_path, ["a b c d e f"], lambda t, u, v: row.format(*(comma(x, ".3f") for x in (t, u, v))))
+    recording = read_recording(path, input="c", outputs="e:velocity", time="a", units={"c": "N m", "e": "rpm"})
+    np.testing.assert_allclose(recording.u, U, atol=6e-4)
+
+
+def test_read_recording__unit_in_brackets_behind_numbers__is_read(tmp_path: Path) -> None:
+    same(write(tmp_path, ["time;torque;speed"], lambda t, u, v: f"{t:.3f};{u:g} [Nm];{v:.2f} (rpm)"))

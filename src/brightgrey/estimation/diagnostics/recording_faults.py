@@ -27,9 +27,10 @@ from brightgrey.estimation.problem.clock_skew import skews_of
 from brightgrey.estimation.problem.drift import DriftOptions, drifts_of
 from brightgrey.estimation.problem.nuisance import Nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
-from brightgrey.estimation.problem.segments import segments
+from brightgrey.estimation.problem.segments import Segment, segments
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.numerics.digital_filter import lfilter
+from brightgrey.numerics.distributions import norm
 from brightgrey.numerics.distributions import t as student
 from brightgrey.recordings.units.signals import KINDS
 
@@ -72,15 +73,15 @@ def recording_faults(
     together, and for all times of a jump together (Bonferroni). Samples that are lost move the position beside the
     model at once, which a drift may stand for. So drifts and delays are tested beside a jump, if there is one.
     """
-    if not 0.0 < context.best.cost < np.inf:
+    if not (0.0 < context.best.cost < np.inf and context.space.names):
         return ()
     problem = context.problem
     tags = [state.tag for state in problem.initial_states]
     drifts = () if problem.drifts else drifts_of(problem.recordings, tags, _ANY_DRIFT)
     skews = skews_of(problem.recordings)
     fitted = _fit_beside(context, drifts, skews) if drifts or skews else context
-    jump, step = _clearest_jump(fitted, options.symptom_level)
-    tests = _wald_tests(fitted, _Whitened.of(fitted, step), (*drifts, *skews))
+    jump, white = _clearest_jump(fitted, options.symptom_level)
+    tests = _wald_tests(fitted, white, (*drifts, *skews))
     found: list[RecordingFault] = []
     for nuisance, (value, std, degrees) in tests.items():
         if abs(value) > std * float(student.ppf(1.0 - 0.5 * options.symptom_level / len(tests), degrees)):
@@ -138,6 +139,10 @@ class _Whitened:
         whitening = Whitening.of(best.residual, jacobian, problem.segment_lengths, floor)
         return cls(whitening, whitening.whiten(best.residual), whitening.whiten(jacobian))
 
+    def left_over(self, unknowns: int) -> int:
+        """Independent residuals beyond so many unknowns, 1 at least; those that whitening cannot tell are zero."""
+        return max(len(self.residual) - sum(model.order for model in self.whitening.models) - unknowns, 1)
+
     def degrees(self, own: Array) -> float:
         """Degrees of freedom of the noise's spectrum where a whitened response is, shape (residuals,)."""
         return noise_degrees(own[:, None], self.whitening.models, self.whitening.lengths)
@@ -157,60 +162,79 @@ def _wald_tests(
         if not size > (FAULT_DEFAULTS.min_own * np.linalg.norm(white.jacobian[:, i])) ** 2:
             continue
         step = -float(own @ left) / size
-        variance = float(np.square(left + step * own).sum()) / (len(left) - others.shape[1] - 1)
+        variance = float(np.square(left + step * own).sum()) / white.left_over(others.shape[1] + 1)
         unit = float(space.width[i])
         std = float(np.sqrt(positive(variance / size))) * unit
         found[nuisance] = float(best.values[i]) + step * unit, std, white.degrees(own)
     return found
 
 
-def _clearest_jump(fitted: FitContext, level: float) -> tuple[tuple[RecordingFault, ...], Array]:
-    """Jump of a position that explains most, if that is no chance, and its response in a column.
+@dataclass(frozen=True)
+class _Step:
+    """Step of a position from one sample on, the one of so many that explains most."""
 
-    The noise that counts is what is left beside the jump, so that its time is looked for twice.
+    segment: Segment
+    number: int  #: Number of the segment.
+    sample: int
+    explained: float  #: Whitened sum of squares.
+    count: int  #: Steps that were looked at.
+    residuals: int
+
+    def response(self, samples: int = 0) -> Array:
+        """One from the sample on, for so many samples or to the end of the segment, shape (residuals, 1)."""
+        first = self.segment.rows.start + self.sample
+        column = np.zeros((self.residuals, 1))
+        column[first : min(first + samples, self.segment.rows.stop) if samples else self.segment.rows.stop] = 1.0
+        return column
+
+
+def _clearest_jump(fitted: FitContext, level: float) -> tuple[tuple[RecordingFault, ...], _Whitened]:
+    """Jump of a position that explains most, if that is no chance and matters, and the fit whitened beside it.
+
+    The noise that counts is what is left beside the jump. So the time of one that may be clear is looked for twice.
     """
-    problem, nothing = fitted.problem, np.zeros((fitted.best.residual.size, 0))
-    at, step, white = (0, 0), nothing, _Whitened.of(fitted, nothing)
-    for _ in range(2):
-        at, count = _clearest_step(problem, white, beside=step.shape[1])
-        if not count:
-            return (), nothing
-        segment = list(segments(problem.recordings))[at[0]]
-        step = np.zeros((len(nothing), 1))
-        step[segment.rows.start + at[1] : segment.rows.stop] = 1.0
-        white = _Whitened.of(fitted, step)
-    basis = orthonormal_basis(white.jacobian[:, :-1])
-    own, left = beyond(basis, white.jacobian[:, -1]), beyond(basis, white.residual)
-    size = float(own @ own)
-    coefficient = float(own @ left) / positive(size)
-    variance = float(np.square(left - coefficient * own).sum()) / (left.size - basis.shape[1] - 1)
-    std = float(np.sqrt(positive(variance / positive(size))))
-    clear = abs(coefficient) > std * float(student.ppf(1.0 - 0.5 * level / count, white.degrees(own)))
-    moved = coefficient * beyond(orthonormal_basis(fitted.best.jacobian), step)
-    if not (clear and float(np.square(moved).sum()) > FAULT_DEFAULTS.min_share * fitted.best.cost):
-        return (), nothing
-    weight, time = float(problem.weights[segment.output]), float(segment.recording.t[at[1]])
-    number = at[0] // len(segment.recording.outputs)
-    return (RecordingFault("jump", -coefficient / weight, std / weight, segment.output, number, time),), step
+    without = _Whitened.of(fitted, np.zeros((fitted.best.residual.size, 0)))
+    first = _clearest_step(fitted.problem, without, 0)
+    if first is None or first.explained < 0.5 * float(norm.isf(0.5 * level / first.count)) ** 2:
+        return (), without
+    second = _clearest_step(fitted.problem, _Whitened.of(fitted, first.response()), 1) or first
+    white = _Whitened.of(fitted, second.response())
+    jump = _tested(fitted, white, second, level)
+    return ((jump,), white) if jump else ((), without)
 
 
-def _clearest_step(problem: SimulationErrorProblem, white: _Whitened, beside: int) -> tuple[tuple[int, int], int]:
-    """Segment and sample from which on a step of a position explains most, and the number of steps looked at.
-
-    The last `beside` columns of the Jacobian are steps that were found before.
-    """
-    basis = orthonormal_basis(white.jacobian[:, : white.jacobian.shape[1] - beside])
+def _clearest_step(problem: SimulationErrorProblem, white: _Whitened, known: int) -> _Step | None:
+    """The step that explains most; the last `known` columns of the Jacobian are steps that were found before."""
+    basis = orthonormal_basis(white.jacobian[:, : white.jacobian.shape[1] - known])
     left = beyond(basis, white.residual)
-    best, at, count = 0.0, (0, 0), 0
+    found = []
     for number, segment in enumerate(segments(problem.recordings)):
-        if KINDS[segment.recording.outputs[segment.output].kind] != 0:
-            continue
-        explained = _explained_by_steps(white.whitening.models[number], left[segment.rows], basis[segment.rows])
-        count += int(np.count_nonzero(explained))
-        sample = int(np.argmax(explained))
-        if explained[sample] > best:
-            best, at = float(explained[sample]), (number, sample)
-    return at, count
+        if KINDS[segment.recording.outputs[segment.output].kind] == 0:
+            explained = _explained_by_steps(white.whitening.models[number], left[segment.rows], basis[segment.rows])
+            sample, count = int(np.argmax(explained)), int(np.count_nonzero(explained))
+            found.append(_Step(segment, number, sample, float(explained[sample]), count, left.size))
+    best = max(found, key=lambda step: step.explained, default=None)
+    return replace(best, count=sum(step.count for step in found)) if best and best.explained > 0.0 else None
+
+
+def _tested(fitted: FitContext, white: _Whitened, step: _Step, level: float) -> RecordingFault | None:
+    """The jump with its size, None if it is chance, an outlier, or too small; the step is the last known column."""
+    pulse = white.whitening.whiten(step.response(1))
+    basis = orthonormal_basis(np.column_stack([white.jacobian[:, :-1], pulse]))
+    own, left = beyond(basis, white.jacobian[:, -1]), beyond(basis, white.residual)
+    size = positive(float(own @ own))
+    coefficient = float(own @ left) / size
+    variance = float(np.square(left - coefficient * own).sum()) / white.left_over(basis.shape[1] + 1)
+    std = float(np.sqrt(positive(variance / size)))
+    clear = abs(coefficient) > std * float(student.ppf(1.0 - 0.5 * level / step.count, white.degrees(own)))
+    moved = coefficient * beyond(orthonormal_basis(fitted.best.jacobian), step.response())
+    matters = float(np.square(moved).sum()) > FAULT_DEFAULTS.min_share * fitted.best.cost
+    r, output = step.segment.recording, step.segment.output
+    weight = float(fitted.problem.weights[output])
+    if not (clear and matters and abs(coefficient) / weight > r.resolution[output]):
+        return None
+    recording, time = step.number // len(r.outputs), float(r.t[step.sample])
+    return RecordingFault("jump", -coefficient / weight, std / weight, output, recording, time)
 
 
 def _explained_by_steps(model: Autoregression, left: Array, basis: Array) -> Array:

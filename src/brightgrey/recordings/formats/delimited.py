@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -28,6 +28,7 @@ from brightgrey.recordings.formats.table import TIME_NAME, Column, Table, list_r
 from brightgrey.recordings.formats.text import UNKNOWN_ENCODING, Text, read_text
 from brightgrey.recordings.formats.time_stamps import are_stamps, first_day
 from brightgrey.recordings.policy import READING
+from brightgrey.recordings.units.parser import is_unit, parse_unit
 
 __all__ = ["read_delimited"]
 
@@ -117,10 +118,11 @@ def _table(
     fields = [[row[i] for row in rows if i < len(row)] for i in range(width)]
     stamps = {i: first_day(texts) for i, texts in enumerate(fields) if are_stamps(texts)}
     cell_units = {i: unit for i, texts in enumerate(fields) if (unit := _cell_unit(texts, dialect))}
+    _refuse_contradiction(columns, cell_units, name)
     columns = tuple(
         replace(c, name=c.name or "time", unit="s", clock_time=True)
         if i in stamps
-        else replace(c, unit=c.unit or cell_units.get(i), first=_first(fields[i], dialect))
+        else replace(c, unit=c.unit or cell_units.get(i, "").strip("()[]") or None, first=_first(fields[i], dialect))
         for i, c in enumerate(columns)
     )
     notes = (*notes, *_one_value_per_row(columns, fields, dialect))
@@ -130,8 +132,7 @@ def _table(
     numbers = TextNumbers(text, body, width, dialect, stamps, table, cell_units, milliseconds=behind)
     numbers.check_widths()
     table = replace(table, load=numbers.load)
-    timed = any(TIME_NAME.fullmatch(c.name) or c.clock_time or c.is_in_time for c in columns)
-    stated = None if timed else stated_interval(above, dialect)
+    stated = None if _has_time(table.columns, fields[0], dialect) else stated_interval(above, dialect)
     return with_interval(table, stated) if stated else table
 
 
@@ -143,10 +144,30 @@ def _has_row_names(text: Text, body: Indices, rows: list[list[str]], head: Lines
     return len(split_header(head.text[-1], dialect, len(rows[0]) - 1)) == len(rows[0]) - 1
 
 
+def _refuse_contradiction(columns: Sequence[Column], cell_units: Mapping[int, str], name: str) -> None:
+    """Refuse a header whose unit is not that behind the numbers (RecordingError)."""
+    for i, unit in cell_units.items():
+        above = columns[i].unit or unit
+        header, cells = (parse_unit(text) if is_unit(text) else None for text in (above, unit.strip("()[]")))
+        if header and cells and (header.si, header.dimension) != (cells.si, cells.dimension):
+            raise RecordingError(
+                f"{name}: column '{columns[i].name}': its header gives the unit '{above}', its numbers have '{unit}':"
+                " take one of them out"
+            )
+
+
 def _cell_unit(fields: list[str], dialect: Dialect) -> str:
     """Return the unit that stands behind every number of a column (``0.002 sec``), empty if none does."""
     units = {dialect.unit_behind(field) for field in fields if field.casefold() not in MISSING}
     return units.pop() if len(units) == 1 else ""
+
+
+def _has_time(columns: Sequence[Column], first: list[str], dialect: Dialect) -> bool:
+    """Return True if a column is a time, or if the first one rises as a time may; a number of samples rises by 1."""
+    if any(TIME_NAME.fullmatch(c.name) or c.clock_time or c.is_in_time or c.clock is not None for c in columns):
+        return True
+    numbers = [dialect.number(field) or 0.0 for field in first[:2]]
+    return _is_rising(first, dialect) and numbers[-1] - numbers[0] != 1.0
 
 
 def _are_milliseconds(right: Sequence[Column], stamps: list[str]) -> bool:

@@ -35,7 +35,8 @@ NUMBERS = {
     ",": re.compile(r"[+−-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+−-]?\d+)?", re.ASCII),
 }
 INFINITE = re.compile(r"(?P<sign>[+-]?)(?:inf(?:inity)?|∞|1[.]#INF)", re.IGNORECASE)
-UNIT_START = re.compile(r"[^\W\d_eE]|[%°‰]")
+# Begins with a letter, in brackets or not, and has no digit but in exponents: "s 1" is the field of another delimiter.
+UNIT = re.compile(r"[(\[]?[^\W\d_eE](?:[^\d\s]|(?<=\S)\d|\s(?![+−-]?\d))*|[(\[]?[%°‰].{0,3}|-")
 LONGEST_NUMBER = 400
 """Characters of the longest number: 1e308 with all its digits and some decimals."""
 # Thousands marks that are nothing else; a plain space is one beside semicolons only.
@@ -82,7 +83,7 @@ class Dialect:
         """Return the unit behind the number of a field, empty if there is none."""
         match = NUMBERS[self.decimal].match(field) if len(field) < LONGEST_NUMBER else None
         unit = field[match.end() :].strip() if match else ""
-        return unit if UNIT_START.match(unit) and is_unit(unit) else ""
+        return unit if UNIT.fullmatch(unit) and is_unit(unit.strip("()[]")) else ""
 
     def _is_plain(self, field: str) -> bool:
         if len(field) > LONGEST_NUMBER:

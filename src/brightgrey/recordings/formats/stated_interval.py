@@ -17,13 +17,20 @@ from brightgrey.recordings.units.parser import is_unit, parse_unit
 __all__ = ["StatedInterval", "stated_interval", "with_interval"]
 
 STATEMENT = re.compile(
-    r"\W*(?:sampl(?:e|ing)|scan|logging|recording|trace|abtast)[ _-]?"
-    r"(?:interval|intervall|time|zeit|period|periode|step|rate|freq|frequency|frequenz|cycle)\s*"
-    r"(?:[\[(](?P<unit_before>[^\])]{1,12})[\])])?[\s:=;,|]*(?P<number>[+\d.,eE-]+)\s*[\[(]?(?P<unit_after>[^\s\])(;,|\"']{0,12})",
+    r"\W*(?:(?:sampl(?:e|ing)|abtast)[ _-]?(?:time|zeit|periode?|interval|intervall|step|rate|freq|frequency|frequenz"
+    r"|cycle)|(?:scan|logging|recording|trace)[ _-]?(?:interval|rate|freq|frequency|cycle))\s*"
+    r"(?:[\[(](?P<unit_before>[^\])]{1,12})[\])])?[\s:=;,|]*"
+    r"(?P<number>[+\d.eE-]+(?:,\d+)?)[\s;,|]*[\[(]?(?P<unit_after>[^\s\])(;,|\"']{0,12})",
     re.IGNORECASE,
 )
-RATE = re.compile(r"(?P<prefix>[kM]?)(?:Hz|Hertz|(?:S|Sa|[Ss]amples?)/s(?:ec|econd)?)")
-PREFIXES = {"": 1.0, "k": 1e3, "M": 1e6}
+# A recording of every tenth sample has another interval than the one stated.
+THINNED = re.compile(r"decimat|downsampl|undersampl", re.IGNORECASE)
+GROUPED = re.compile(r"[1-9]\d{0,2}[.,]\d{3}")
+"""Ten thousand, or ten with three decimals."""
+RATE = re.compile(r"(?P<prefix>[kKM]?)(?:[Hh][Zz]|Hertz|(?:S|Sa|[Ss]amples?)/s(?:ec|econd)?)")
+PREFIXES = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6}
+SHORTEST, LONGEST = 1e-7, 1.0
+"""Intervals in s: one that is longer is the duration of a recording."""
 LONGEST_LINE = 200
 
 
@@ -37,7 +44,9 @@ class StatedInterval:
 
 
 def stated_interval(lines: Lines, dialect: Dialect) -> StatedInterval | None:
-    """Sampling interval that one of the lines states with a unit; None if none does, or if two contradict each other.
+    """Sampling interval that one of the lines states with a unit.
+
+    None if none does, if two contradict each other, or if the number may be read in two ways.
 
     Parameters
     ----------
@@ -46,7 +55,9 @@ def stated_interval(lines: Lines, dialect: Dialect) -> StatedInterval | None:
     dialect : Dialect
         Of the file; a decimal point is understood, too.
     """
-    found = []
+    found: list[StatedInterval] = []
+    if any(map(THINNED.search, lines.text)):
+        return None
     for text, row in zip(lines.text, lines.rows, strict=True):
         match = STATEMENT.match(text) if len(text) < LONGEST_LINE else None
         if match is None:
@@ -55,8 +66,8 @@ def stated_interval(lines: Lines, dialect: Dialect) -> StatedInterval | None:
         value = dialect.number(number)
         value = replace(dialect, decimal=".", thousands="").number(number) if value is None else value
         unit = (match["unit_before"] or match["unit_after"]).strip()
-        dt = _seconds(value, unit) if value and 0.0 < value < np.inf else None
-        if dt is not None:
+        dt = _seconds(value, unit) if value and 0.0 < value < np.inf and not GROUPED.fullmatch(number) else None
+        if dt is not None and SHORTEST <= dt < LONGEST:
             found.append(StatedInterval(dt, row, text.strip()))
     agree = found and all(np.isclose(one.dt, found[0].dt, rtol=1e-6) for one in found)
     return found[0] if agree else None
@@ -65,7 +76,7 @@ def stated_interval(lines: Lines, dialect: Dialect) -> StatedInterval | None:
 def _seconds(value: float, unit: str) -> float | None:
     """Return an interval in s from a time or a rate; None for another unit."""
     if match := RATE.fullmatch(unit):
-        return 1.0 / (value * PREFIXES[match["prefix"]])
+        return 1.0 / max(value * PREFIXES[match["prefix"]], 1e-300)
     parsed = parse_unit(unit) if unit and is_unit(unit) else None
     return value * parsed.si if parsed and parsed.dimension == (("[time]", 1),) else None
 

@@ -37,6 +37,8 @@ def run(examined: Examined) -> Iterator[CheckResult]:
         if is_constant(values):
             continue
         share, limit = _at_limit(values)
+        if limit == 0.0 and signal.kind.startswith("velocity"):  # it stands still
+            share = 0.0
         figure = f"{100 * share:.1f} % of '{signal.name}' are at a limit"
         threshold = f"{100 * POLICY.matters:g} %"
         if share < POLICY.matters:
