@@ -199,7 +199,7 @@ def _clearest_jump(fitted: FitContext, level: float) -> tuple[tuple[RecordingFau
         return (), without
     second = _clearest_step(fitted.problem, _Whitened.of(fitted, first.response()), 1) or first
     white = _Whitened.of(fitted, second.response())
-    jump = _tested(fitted, white, second, level)
+    jump = _jump_beyond_chance(fitted, white, second, level)
     return ((jump,), white) if jump else ((), without)
 
 
@@ -217,7 +217,7 @@ def _clearest_step(problem: SimulationErrorProblem, white: _Whitened, known: int
     return replace(best, count=sum(step.count for step in found)) if best and best.explained > 0.0 else None
 
 
-def _tested(fitted: FitContext, white: _Whitened, step: _Step, level: float) -> RecordingFault | None:
+def _jump_beyond_chance(fitted: FitContext, white: _Whitened, step: _Step, level: float) -> RecordingFault | None:
     """The jump with its size, None if it is chance, an outlier, or too small; the step is the last known column."""
     pulse = white.whitening.whiten(step.response(1))
     basis = orthonormal_basis(np.column_stack([white.jacobian[:, :-1], pulse]))
