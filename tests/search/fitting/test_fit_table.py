@@ -42,6 +42,16 @@ TABLE = "brightgrey.search.fitting.fit_table"
 STRUCTURES = [PAPER.parse(name) for name in NAMES]
 
 
+def noisy_task(structure, true, noise):
+    """Task of a drive in the paper's experiment, with white noise in parts of its peak speed."""
+    e = PAPER_EXPERIMENT
+    (v,) = reference(str(structure), true, e.torque(), e.dt, f_tanh=e.f_tanh)
+    v += noise * np.abs(v).max() * np.random.default_rng(4).standard_normal(v.size)
+    r = make_recording(e.torque(), v, dt=e.dt, names=("torque", "velocity"), name="noisy")
+    known = scales([r])
+    return IdentificationTask((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast"))
+
+
 @pytest.fixture(scope="module")
 def fitted(task):
     return fit_all(task, STRUCTURES, seed=3)
@@ -240,13 +250,9 @@ def test_continue_to_submodels__same_optimum__once(task, monkeypatch):
 
 def test_propagate__masses_joined__descends_from_a_bad_start_for_a_small_gain():
     """A third mass on a stiff shaft costs next to nothing less; both joined begin far above the optimum of two."""
-    true, e = {"J1": 0.008, "J2": 0.012, "c1": 60.0, "d1": 0.02, "M_C": 0.9}, PAPER_EXPERIMENT
+    true = {"J1": 0.008, "J2": 0.012, "c1": 60.0, "d1": 0.02, "M_C": 0.9}
     small, big = PAPER.parse("two_mass+coulomb"), PAPER.parse("three_mass+coulomb")
-    (v,) = reference(str(small), true, e.torque(), e.dt, f_tanh=e.f_tanh)
-    v += 1e-2 * np.abs(v).max() * np.random.default_rng(5).standard_normal(v.size)
-    r = make_recording(e.torque(), v, dt=e.dt, names=("torque", "velocity"), name="split")
-    known = scales([r])
-    task = IdentificationTask((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast"))
+    task = noisy_task(small, true, noise=1e-2)
 
     def ended(structure, cost=None, **values):
         named = {n: np.array([x]) for n, x in values.items()}
@@ -306,13 +312,9 @@ def test_leading_structures__single_leader__its_submodels_follow(task):
 
 def test_propagate__lag_removed__dead_time_grows():
     """Lag and dead time show as their sum: without the lag the dead time has to be longer before anything is gained."""
-    true, e = {"J1": 0.02, "M_C": 0.9, "T_d": 6e-3}, PAPER_EXPERIMENT
+    true = {"J1": 0.02, "M_C": 0.9, "T_d": 6e-3}
     small, big = PAPER.parse("one_mass+coulomb+delay"), PAPER.parse("one_mass+coulomb+current_control+delay")
-    (v,) = reference(str(small), true, e.torque(), e.dt, f_tanh=e.f_tanh)
-    v += 3e-3 * np.abs(v).max() * np.random.default_rng(4).standard_normal(v.size)
-    r = make_recording(e.torque(), v, dt=e.dt, names=("torque", "velocity"), name="late")
-    known = scales([r])
-    task = IdentificationTask((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast"))
+    task = noisy_task(small, true, noise=3e-3)
 
     def ended(structure, **changed):
         values = {**true, **changed}
