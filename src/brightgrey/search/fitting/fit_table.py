@@ -52,7 +52,7 @@ class FitTable:
         Structures that may be asked for, fitted or not.
     done : dict of Structure to StructureFit
         In the order in which they were fitted for the first time.
-    hubs : dict of Structure to StructureFit
+    anchors : dict of Structure to StructureFit
     log : list of (bool, StructureFit)
         All fits in their order, refits included; True marks those of anchors.
     spent : list of SimulationCount
