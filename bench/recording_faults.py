@@ -260,7 +260,14 @@ def wrapped(taken: Taken, size: float) -> Recording:
 
 
 FAULTS = (
-    Fault("sign of the input", lambda r, s: r.recording(-r.u), (1, 1), "", ("sign of the input",)),
+    Fault(
+        "sign of the input",
+        lambda r, s: r.recording(-r.u),
+        (1, 1),
+        "",
+        ("sign of the input",),
+        symptoms=("Input has the wrong sign",),
+    ),
     Fault(
         "factor of a velocity",
         lambda r, s: r.recording(velocity=s * r.y["velocity"]),

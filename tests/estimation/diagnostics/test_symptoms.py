@@ -180,6 +180,21 @@ def test_symptoms__outputs_of_one_time__are_said_to_be_nothing_else():
     assert symptoms_of(text, make_recording(TORQUE, y + noise, dt=E.dt, kind=("position", "velocity"))) == {}
 
 
+def test_symptoms__input_with_its_sign_turned__is_all_that_is_said():
+    values = {"J1": 0.02, "M_C": 1.2, "f_v": 0.05, "M_G": 0.5}
+    measured = measured_from("one_mass+coulomb+viscous+gravity", values)
+    found = symptoms_of("one_mass+coulomb+viscous+gravity", replace(measured, u=-measured.u))
+    assert list(found) == ["Input has the wrong sign"]
+    assert "--input-gain -1" in found["Input has the wrong sign"].advice
+
+
+@pytest.mark.parametrize("text", ["one_mass", "one_mass+viscous"])
+def test_symptoms__structure_that_misses_the_motion__is_no_wrong_sign(text):
+    values = {"J1": 0.01, "J2": 0.01, "c1": 40.0, "d1": 0.01, "M_C": 1.2, "f_v": 0.05}
+    measured = measured_from("two_mass+coulomb+viscous", values)
+    assert "Input has the wrong sign" not in {s.title for s in fit(PAPER.parse(text), (measured,)).symptoms}
+
+
 def test_symptoms__friction_by_direction__is_named():
     pushed = TORQUE.copy()
     clean = reference("one_mass+coulomb+viscous", RIGID, TORQUE, E.dt, f_tanh=E.f_tanh).reshape(-1)

@@ -1,9 +1,10 @@
-"""Faults of a recording that a fit shows: an output that comes late, a torque that drifts, a position that jumps.
+"""Faults of a recording that a fit shows: a late output, a drift of the torque, a jump, an input of the other sign.
 
 Parameters that move hide most of a fault from the residual, so that a test of the residual alone misses it. The fit
 goes on from its optimum with delays and drifts as further unknowns. From there one step of generalised least squares
 gives the size of each fault, and a Wald test asks whether it differs from zero. No fit goes on from a jump, as nobody
-knows its time. One step is made for every time, and the jump that explains most is tested.
+knows its time. One step is made for every time, and the jump that explains most is tested. A fit that misses the motion
+is made once more with the sign of the input turned.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from brightgrey.estimation.noise.autoregression import Autoregression
 from brightgrey.estimation.noise.error_floor import error_variances
 from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
 from brightgrey.estimation.noise.whitening import Whitening
-from brightgrey.estimation.optimisation.least_squares import fit_to_convergence
+from brightgrey.estimation.optimisation.least_squares import fit_many, fit_to_convergence
+from brightgrey.estimation.optimisation.multistart import first_starts
 from brightgrey.estimation.problem.clock_skew import skews_of
 from brightgrey.estimation.problem.drift import DriftOptions, drifts_of
 from brightgrey.estimation.problem.nuisance import Nuisance
@@ -43,8 +45,10 @@ _ANY_DRIFT = DriftOptions(shortest=0.0, largest=FAULT_DEFAULTS.largest_drift)
 class RecordingFault:
     """Fault of a recording whose size differs from zero beyond chance, SI."""
 
-    kind: Literal["drift", "skew", "jump"]
-    size: float  #: Change of the torque over a recording, time by which an output comes late, or jump of a position.
+    kind: Literal["drift", "skew", "jump", "sign"]
+    #: Change of the torque over a recording, time by which an output comes late, jump of a position, or part of the
+    #: cost that a turned sign leaves.
+    size: float
     std: float
     output: int = 0  #: Number of the output that comes late or jumps.
     recording: int = 0  #: Number of the recording in which it jumps.
@@ -59,7 +63,7 @@ class RecordingFault:
 def recording_faults(
     context: FitContext, options: DiagnosticOptions = DIAGNOSTIC_DEFAULTS
 ) -> tuple[RecordingFault, ...]:
-    """Faults of the recordings; of drifts and jumps only the clearest one.
+    """Faults of the recordings; of drifts and jumps only the clearest one, and nothing beside a turned sign.
 
     Parameters
     ----------
@@ -75,6 +79,9 @@ def recording_faults(
     """
     if not (0.0 < context.best.cost < np.inf and context.space.names):
         return ()
+    turned = _turned_sign(context)
+    if turned is not None:
+        return (turned,)
     problem = context.problem
     tags = [state.tag for state in problem.initial_states]
     drifts = () if problem.drifts else drifts_of(problem.recordings, tags, _ANY_DRIFT)
@@ -93,6 +100,25 @@ def recording_faults(
             )
     clearest = max((f for f in found if f.kind == "drift"), key=lambda fault: fault.clearness, default=None)
     return tuple(f for f in (*found, *jump) if f.kind != "drift" or f is clearest)
+
+
+def _turned_sign(context: FitContext) -> RecordingFault | None:
+    """Fault of the sign if an output is missed, and the input with its sign turned explains far more."""
+    problem, limit = context.problem, FAULT_DEFAULTS.turned_share * context.best.cost
+    missed: dict[int, float] = {}
+    moved: dict[int, float] = {}
+    for rows, r, output in segments(problem.recordings):
+        missed[output] = missed.get(output, 0.0) + float(np.square(context.best.residual[rows]).sum())
+        motion = problem.weights[output] * (r.y[output] - r.y[output].mean())
+        moved[output] = moved.get(output, 0.0) + float(np.square(motion).sum())
+    if all(missed[output] <= FAULT_DEFAULTS.missed_share * moved[output] for output in missed):
+        return None
+    turned = replace(problem, recordings=tuple(replace(r, u=-r.u) for r in problem.recordings))
+    settings, count = replace(context.settings, level="fast"), FAULT_DEFAULTS.turned_starts
+    starts = first_starts(turned, context.space, settings, (), count, np.random.default_rng(0))
+    optima = fit_many(turned, context.space, settings, np.column_stack(starts), cost_to_beat=np.inf)
+    least = min(optimum.cost for optimum in optima)
+    return RecordingFault("sign", least / context.best.cost, 0.0) if least < limit else None
 
 
 def _fit_beside(context: FitContext, drifts: tuple[Nuisance, ...], skews: tuple[Nuisance, ...]) -> FitContext:
