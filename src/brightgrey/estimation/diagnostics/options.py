@@ -105,7 +105,7 @@ class FaultOptions:
     #: Part of an output's variation that a fit misses (30 % of its RMS) from which the sign of the input is doubted.
     missed_share: float = 0.1
     turned_share: float = 0.5  #: Part of the cost that is left, at most, with the sign of the input turned.
-    turned_starts: int = 4  #: Descents with the sign turned.
+    turned_starts: int = 4  #: Descents with each sign.
 
 
 @dataclass(frozen=True)

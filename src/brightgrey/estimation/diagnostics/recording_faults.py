@@ -4,7 +4,7 @@ Parameters that move hide most of a fault from the residual, so that a test of t
 goes on from its optimum with delays and drifts as further unknowns. From there one step of generalised least squares
 gives the size of each fault, and a Wald test asks whether it differs from zero. No fit goes on from a jump, as nobody
 knows its time. One step is made for every time, and the jump that explains most is tested. A fit that misses the motion
-is made once more with the sign of the input turned.
+is made once more, and again with the sign of the input turned.
 """
 
 from __future__ import annotations
@@ -103,8 +103,11 @@ def recording_faults(
 
 
 def _turned_sign(context: FitContext) -> RecordingFault | None:
-    """Fault of the sign if an output is missed, and the input with its sign turned explains far more."""
-    problem, limit = context.problem, FAULT_DEFAULTS.turned_share * context.best.cost
+    """Fault of the sign if an output is missed, and the input with its sign turned explains far more.
+
+    A fit may have stayed at a wrong optimum. So both signs get the same descents.
+    """
+    problem = context.problem
     missed: dict[int, float] = {}
     moved: dict[int, float] = {}
     for rows, r, output in segments(problem.recordings):
@@ -114,11 +117,17 @@ def _turned_sign(context: FitContext) -> RecordingFault | None:
     if all(missed[output] <= FAULT_DEFAULTS.missed_share * moved[output] for output in missed):
         return None
     turned = replace(problem, recordings=tuple(replace(r, u=-r.u) for r in problem.recordings))
+    as_it_is = min(context.best.cost, _least_cost(context, problem))
+    least = _least_cost(context, turned)
+    return RecordingFault("sign", least / as_it_is, 0.0) if least < FAULT_DEFAULTS.turned_share * as_it_is else None
+
+
+def _least_cost(context: FitContext, problem: SimulationErrorProblem) -> float:
+    """Least cost of a few descents in a problem with the parameters of a fit."""
     settings, count = replace(context.settings, level="fast"), FAULT_DEFAULTS.turned_starts
-    starts = first_starts(turned, context.space, settings, (), count, np.random.default_rng(0))
-    optima = fit_many(turned, context.space, settings, np.column_stack(starts), cost_to_beat=np.inf)
-    least = min(optimum.cost for optimum in optima)
-    return RecordingFault("sign", least / context.best.cost, 0.0) if least < limit else None
+    starts = first_starts(problem, context.space, settings, (), count, np.random.default_rng(0))
+    optima = fit_many(problem, context.space, settings, np.column_stack(starts), cost_to_beat=np.inf)
+    return min(optimum.cost for optimum in optima)
 
 
 def _fit_beside(context: FitContext, drifts: tuple[Nuisance, ...], skews: tuple[Nuisance, ...]) -> FitContext:
