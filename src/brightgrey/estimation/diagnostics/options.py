@@ -102,10 +102,9 @@ class FaultOptions:
     min_own: float = 1e-6  #: Part of a fault's whitened response that other unknowns cannot make.
     min_jump: float = 1e-2  #: The same of its sum of squares, for a jump at a time that is looked for.
     min_share: float = 0.01  #: Sum of squares of a jump, in parts of the residual's, that matters.
-    #: Part of an output's variation that a fit misses (30 % of its RMS) from which the sign of the input is doubted.
+    #: Part of an output's variation (30 % of its RMS) that a fit leaves if the sign of the input is to be doubted.
     missed_share: float = 0.1
-    turned_share: float = 0.5  #: Part of the cost that is left, at most, with the sign of the input turned.
-    turned_starts: int = 4  #: Descents with each sign.
+    sign_starts: int = 4  #: Descents with each sign.
 
 
 @dataclass(frozen=True)

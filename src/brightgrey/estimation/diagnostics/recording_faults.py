@@ -103,31 +103,34 @@ def recording_faults(
 
 
 def _turned_sign(context: FitContext) -> RecordingFault | None:
-    """Fault of the sign if an output is missed, and the input with its sign turned explains far more.
+    """Fault of the sign if the fit misses an output, and with the sign of the input turned misses none.
 
     A fit may have stayed at a wrong optimum. So both signs get the same descents.
     """
-    problem = context.problem
-    missed: dict[int, float] = {}
-    moved: dict[int, float] = {}
-    for rows, r, output in segments(problem.recordings):
-        missed[output] = missed.get(output, 0.0) + float(np.square(context.best.residual[rows]).sum())
-        motion = problem.weights[output] * (r.y[output] - r.y[output].mean())
-        moved[output] = moved.get(output, 0.0) + float(np.square(motion).sum())
-    if all(missed[output] <= FAULT_DEFAULTS.missed_share * moved[output] for output in missed):
+    problem, best = context.problem, context.best
+    if not _misses(problem, best.residual) or not _misses(problem, _refitted(context, problem)):
         return None
     turned = replace(problem, recordings=tuple(replace(r, u=-r.u) for r in problem.recordings))
-    as_it_is = min(context.best.cost, _least_cost(context, problem))
-    least = _least_cost(context, turned)
-    return RecordingFault("sign", least / as_it_is, 0.0) if least < FAULT_DEFAULTS.turned_share * as_it_is else None
+    residual = _refitted(context, turned)
+    return None if _misses(turned, residual) else RecordingFault("sign", float(residual @ residual) / best.cost, 0.0)
 
 
-def _least_cost(context: FitContext, problem: SimulationErrorProblem) -> float:
-    """Least cost of a few descents in a problem with the parameters of a fit."""
-    settings, count = replace(context.settings, level="fast"), FAULT_DEFAULTS.turned_starts
+def _misses(problem: SimulationErrorProblem, residual: Array) -> bool:
+    """True if a residual has a notable part of the variation of an output, over all recordings."""
+    missed, moved = np.zeros((2, len(problem.weights)))
+    for rows, r, output in segments(problem.recordings):
+        missed[output] += np.square(residual[rows]).sum()
+        moved[output] += np.square(problem.weights[output] * (r.y[output] - r.y[output].mean())).sum()
+    return bool((missed > FAULT_DEFAULTS.missed_share * moved).any())
+
+
+def _refitted(context: FitContext, problem: SimulationErrorProblem) -> Array:
+    """Residual of the best of a few descents in a problem with the parameters of a fit."""
+    settings, count = replace(context.settings, level="fast"), FAULT_DEFAULTS.sign_starts
     starts = first_starts(problem, context.space, settings, (), count, np.random.default_rng(0))
     optima = fit_many(problem, context.space, settings, np.column_stack(starts), cost_to_beat=np.inf)
-    return min(optimum.cost for optimum in optima)
+    best = min(optima, key=lambda optimum: optimum.cost)
+    return problem.residuals(context.space.named(best.values[:, None]), settings)[:, 0]
 
 
 def _fit_beside(context: FitContext, drifts: tuple[Nuisance, ...], skews: tuple[Nuisance, ...]) -> FitContext:
