@@ -108,10 +108,10 @@ def _turned_sign(context: FitContext) -> RecordingFault | None:
     A fit may have stayed at a wrong optimum. So both signs get the same descents.
     """
     problem, best = context.problem, context.best
-    if not _misses(problem, best.residual) or not _misses(problem, _refitted(context, problem)):
+    if not _misses(problem, best.residual) or not _misses(problem, _best_residual(context, problem)):
         return None
     turned = replace(problem, recordings=tuple(replace(r, u=-r.u) for r in problem.recordings))
-    residual = _refitted(context, turned)
+    residual = _best_residual(context, turned)
     return None if _misses(turned, residual) else RecordingFault("sign", float(residual @ residual) / best.cost, 0.0)
 
 
@@ -124,7 +124,7 @@ def _misses(problem: SimulationErrorProblem, residual: Array) -> bool:
     return bool((missed > FAULT_DEFAULTS.missed_share * moved).any())
 
 
-def _refitted(context: FitContext, problem: SimulationErrorProblem) -> Array:
+def _best_residual(context: FitContext, problem: SimulationErrorProblem) -> Array:
     """Residual of the best of a few descents in a problem with the parameters of a fit."""
     settings, count = replace(context.settings, level="fast"), FAULT_DEFAULTS.sign_starts
     starts = first_starts(problem, context.space, settings, (), count, np.random.default_rng(0))
