@@ -270,6 +270,19 @@ def test_same_channel__output_is_the_input__stops(made):
     assert said(made("velocity", velocity=2.0 * E.torque()), "same channel", "stop")
 
 
+@pytest.mark.parametrize(("late", "noise", "grades"), [(2.3e-3, 1e-5, ["stop"]), (2.3e-3, 1e-2, []), (0.0, 1e-2, [])])
+def test_same_channel__output_twice_at_two_times__stops_with_the_time(made, motion, late, noise, grades):
+    t, position = E.dt * np.arange(E.samples), motion["position"]
+    later = np.interp(t - late, t, position) + noise * np.std(position) * np.random.default_rng(5).standard_normal(
+        t.size
+    )
+    recording = made("position", "position", masses=(1, 2), position=position)
+    found = said(replace(recording, y=np.array([position, later])), "same channel")
+    assert [result.grade for result in found if result.grade != "passed"] == grades
+    if grades:
+        assert float(found[0].figure.split(" and ")[2].split()[0]) == pytest.approx(1e3 * late, abs=0.02)
+
+
 def test_closed_loop__noise_in_the_input__is_noted(made, motion):
     noise = 0.05 * np.random.default_rng(5).standard_normal(E.samples)
     recording = made("velocity", u=E.torque() - 0.5 * noise, velocity=motion["velocity"] + noise)
