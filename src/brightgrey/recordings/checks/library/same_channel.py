@@ -37,8 +37,8 @@ def run(examined: Examined) -> Iterator[CheckResult]:
             both = f"'{signals[i].name}' and '{signals[j].name}'"
             delay = 0.0
             if not _are_one(channels[i], channels[j]) and i and signals[i].kind == signals[j].kind:
-                delay = _delay(channels[i], channels[j])
-            if not _are_one(*_shifted(channels[i], channels[j], delay)):
+                delay = _delay_between(channels[i], channels[j])
+            if not _are_one(*_without_delay(channels[i], channels[j], delay)):
                 continue
             found = True
             yield _stop_at_pair(both, abs(delay) * r.dt)
@@ -64,18 +64,18 @@ def _are_one(x: Array, y: Array) -> bool:
     return 1.0 - float(np.corrcoef(x, y)[0, 1]) ** 2 < POLICY.same
 
 
-def _delay(x: Array, y: Array) -> float:
+def _delay_between(x: Array, y: Array) -> float:
     """Delay of `y` against `x` in samples, at most a hundredth of the recording; by Gauss-Newton steps."""
     most, delay = x.size / 100.0, 0.0
     for _ in range(POLICY.rounds):
-        early, late = _shifted(x, y, delay)
+        early, late = _without_delay(x, y, delay)
         terms = np.column_stack([late, np.gradient(late), np.ones(late.size)])
         a, b, _constant = np.linalg.lstsq(terms, early, rcond=None)[0].tolist()
         delay = float(np.clip(delay + b / (a or 1e-300), -most, most))
     return delay
 
 
-def _shifted(x: Array, y: Array, delay: float) -> tuple[Array, Array]:
+def _without_delay(x: Array, y: Array, delay: float) -> tuple[Array, Array]:
     """Both channels, the second of them earlier by a delay in samples, where both are known."""
     if not delay:
         return x, y
