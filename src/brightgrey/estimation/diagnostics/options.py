@@ -104,6 +104,7 @@ class FaultOptions:
     min_share: float = 0.01  #: Sum of squares of a jump, in parts of the residual's, that matters.
     #: Part of an output's variation (30 % of its RMS) that a fit leaves if the sign of the input is to be doubted.
     missed_share: float = 0.1
+    turned_share: float = 0.5  #: Part of the cost that is left, at most, with the sign of the input turned.
     sign_starts: int = 4  #: Descents with each sign.
 
 

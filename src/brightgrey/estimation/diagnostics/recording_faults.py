@@ -28,7 +28,8 @@ from brightgrey.estimation.optimisation.multistart import first_starts
 from brightgrey.estimation.problem.clock_skew import skews_of
 from brightgrey.estimation.problem.drift import DriftOptions, drifts_of
 from brightgrey.estimation.problem.nuisance import Nuisance
-from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
+from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.problem.segments import Segment, segments
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.numerics.digital_filter import lfilter
@@ -63,7 +64,7 @@ class RecordingFault:
 def recording_faults(
     context: FitContext, options: DiagnosticOptions = DIAGNOSTIC_DEFAULTS
 ) -> tuple[RecordingFault, ...]:
-    """Faults of the recordings; of drifts and jumps only the clearest one, and nothing beside a turned sign.
+    """Faults of the recordings; of drifts and jumps only the clearest one, and none beside a turned sign.
 
     Parameters
     ----------
@@ -103,16 +104,22 @@ def recording_faults(
 
 
 def _turned_sign(context: FitContext) -> RecordingFault | None:
-    """Fault of the sign if the fit misses an output, and with the sign of the input turned misses none.
+    """Fault of the sign if the fit misses an output, and with the sign of the input turned misses none by far.
 
-    A fit may have stayed at a wrong optimum. So both signs get the same descents.
+    A fit may have stayed at a wrong optimum. So both signs get the same descents, each in its own ranges: those of the
+    fit come from a balance of torques with the sign as it is.
     """
     problem, best = context.problem, context.best
-    if not _misses(problem, best.residual) or not _misses(problem, _best_residual(context, problem)):
+    if not _misses(problem, best.residual):
+        return None
+    again = _best_residual(context, problem)
+    if not _misses(problem, again):
         return None
     turned = replace(problem, recordings=tuple(replace(r, u=-r.u) for r in problem.recordings))
     residual = _best_residual(context, turned)
-    return None if _misses(turned, residual) else RecordingFault("sign", float(residual @ residual) / best.cost, 0.0)
+    left = float(residual @ residual) / min(best.cost, float(again @ again))
+    named = not _misses(turned, residual) and left < FAULT_DEFAULTS.turned_share
+    return RecordingFault("sign", left, 0.0) if named else None
 
 
 def _misses(problem: SimulationErrorProblem, residual: Array) -> bool:
@@ -121,16 +128,18 @@ def _misses(problem: SimulationErrorProblem, residual: Array) -> bool:
     for rows, r, output in segments(problem.recordings):
         missed[output] += np.square(residual[rows]).sum()
         moved[output] += np.square(problem.weights[output] * (r.y[output] - r.y[output].mean())).sum()
-    return bool((missed > FAULT_DEFAULTS.missed_share * moved).any())
+    return bool(((missed > FAULT_DEFAULTS.missed_share * moved) & (moved > 0.0)).any())
 
 
 def _best_residual(context: FitContext, problem: SimulationErrorProblem) -> Array:
-    """Residual of the best of a few descents in a problem with the parameters of a fit."""
-    settings, count = replace(context.settings, level="fast"), FAULT_DEFAULTS.sign_starts
-    starts = first_starts(problem, context.space, settings, (), count, np.random.default_rng(0))
-    optima = fit_many(problem, context.space, settings, np.column_stack(starts), cost_to_beat=np.inf)
+    """Residual of the best of a few descents in a problem, whose ranges follow from its recordings."""
+    structure, settings = problem.structure, replace(context.settings, level="fast")
+    fixed = {name: value for name, value in context.space.fixed.items() if name in structure.parameters}
+    space = parameter_space(structure, scales(problem.recordings), {}, fixed, problem.nuisances)
+    starts = first_starts(problem, space, settings, (), FAULT_DEFAULTS.sign_starts, np.random.default_rng(0))
+    optima = fit_many(problem, space, settings, np.column_stack(starts), cost_to_beat=np.inf)
     best = min(optima, key=lambda optimum: optimum.cost)
-    return problem.residuals(context.space.named(best.values[:, None]), settings)[:, 0]
+    return problem.residuals(space.named(best.values[:, None]), settings)[:, 0]
 
 
 def _fit_beside(context: FitContext, drifts: tuple[Nuisance, ...], skews: tuple[Nuisance, ...]) -> FitContext:

@@ -65,12 +65,9 @@ def symptoms(
     (`bench/symptoms.py`).
     """
     values = context.space.by_name(context.best.values)
-    faults = recording_faults(context, options)
-    of_recording = [_recording_fault(fault, context.problem.recordings) for fault in faults]
-    if any(fault.kind == "sign" for fault in faults):
-        return tuple(of_recording)  # nothing else of such a fit means anything
-    of_values = (*_missing_mass(context, values, scales, options), *_negligible_effects(context, values, scales))
-    return (*of_values, *of_recording, *residual_symptoms(context, scales, options))
+    found = [*_missing_mass(context, values, scales, options), *_negligible_effects(context, values, scales)]
+    found += [_recording_fault(fault, context.problem.recordings) for fault in recording_faults(context, options)]
+    return (*found, *residual_symptoms(context, scales, options))
 
 
 def residual_symptoms(
@@ -163,7 +160,7 @@ def _recording_fault(fault: RecordingFault, recordings: tuple[Recording, ...]) -
             f"with the sign of '{name}' turned the same structure leaves {100.0 * fault.size:.2g} % of the residual's"
             " sum of squares",
             "a positive input has to accelerate the motion: turn its sign by --input-gain -1 (times the gain that was"
-            " given), or the structure lacks an effect",
+            " given). Above a resonance that the structure lacks the motion is opposite, too",
         )
     if fault.kind == "jump":
         r = recordings[fault.recording]
