@@ -273,9 +273,8 @@ def test_same_channel__output_is_the_input__stops(made):
 @pytest.mark.parametrize(("late", "noise", "grades"), [(2.3e-3, 1e-5, ["stop"]), (2.3e-3, 1e-2, []), (0.0, 1e-2, [])])
 def test_same_channel__output_twice_at_two_times__stops_with_the_time(made, motion, late, noise, grades):
     t, position = E.dt * np.arange(E.samples), motion["position"]
-    later = np.interp(t - late, t, position) + noise * np.std(position) * np.random.default_rng(5).standard_normal(
-        t.size
-    )
+    error = noise * np.std(position) * np.random.default_rng(5).standard_normal(t.size)
+    later = np.interp(t - late, t, position) + error
     recording = made("position", "position", masses=(1, 2), position=position)
     found = said(replace(recording, y=np.array([position, later])), "same channel")
     assert [result.grade for result in found if result.grade != "passed"] == grades

@@ -104,7 +104,7 @@ def recording_faults(
 
 
 def _turned_sign(context: FitContext) -> RecordingFault | None:
-    """Fault of the sign if the fit misses an output, and with the sign of the input turned misses none by far.
+    """Fault of the sign if the fit misses an output, and misses none with the sign of the input turned.
 
     A fit may have stayed at a wrong optimum. So both signs get the same descents, each in its own ranges: those of the
     fit come from a balance of torques with the sign as it is.
