@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import Literal, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 
 from brightgrey import estimation
-from brightgrey.api.differences import compare_for_control
 from brightgrey.api.result import Result
 from brightgrey.api.structure_search import SearchKind, SearchRequest, SearchResult, grammar_searched, search_structure
 from brightgrey.api.to_si import Range, check_alike, identification_task, start_si
@@ -36,6 +35,9 @@ from brightgrey.search import IdentificationTask
 from brightgrey.search.genetic import GeneticSettings, Progress
 from brightgrey.search.progress import SearchProgress
 from brightgrey.version import __version__
+
+if TYPE_CHECKING:
+    from brightgrey.api.differences import ControlDifference
 
 __all__ = ["identify"]
 
@@ -302,7 +304,11 @@ def _assemble_result(
     else:
         ranking = (row,)
     files, evidence, run = (found.files, found.evidence, found.run) if found else ({}, None, None)
-    apart = compare_for_control(evidence, several, fit.settings) if evidence else ()
+    apart: tuple[ControlDifference, ...] = ()
+    if evidence:
+        from brightgrey.api.differences import compare_for_control  # with the analysis for control
+
+        apart = compare_for_control(evidence, several, fit.settings)
     return Result(
         model,
         (*train, *unseen),

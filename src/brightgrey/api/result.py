@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from brightgrey.api.differences import ControlDifference
 from brightgrey.arguments import checked_arguments
 from brightgrey.drawing.picture import DriveDrawing
 from brightgrey.errors import SettingsError, unknown_name
@@ -31,6 +30,7 @@ from brightgrey.search.genetic import Run
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from brightgrey.api.differences import ControlDifference
     from brightgrey.report.content import Content
 
 __all__ = ["Result"]

@@ -7,6 +7,7 @@ and never read as a result. A second file, always empty, carries the lock, which
 from __future__ import annotations
 
 import json
+import os
 import re
 import sqlite3
 import threading
@@ -78,6 +79,7 @@ class Store:
         self._lock, self._database = lock, database
         self._mutex = threading.RLock()
         self._stage: str | None = None
+        self._logged = False  # through a write-ahead log
 
     @classmethod
     def open(
@@ -140,7 +142,8 @@ class Store:
             with suppress(sqlite3.Error):  # the stage is only shown
                 self._write([])
             with suppress(sqlite3.Error):  # without a log beside it, the file can be read from a read-only folder
-                self._database.execute("PRAGMA journal_mode = DELETE")
+                if self._logged:
+                    self._database.execute("PRAGMA journal_mode = DELETE")
             self._database.close()
             self._lock.close()
 
@@ -180,7 +183,7 @@ class Store:
         RunError
             If it cannot be written.
         """
-        self._save([("evaluations", (key, number, function, subject, float(seconds), result))])
+        self._append([("evaluations", (key, number, function, subject, float(seconds), result))])
 
     def save_generation(self, number: int, state: Mapping[str, Any]) -> None:
         """Store the state of a generation, or compare it with the state that an earlier part of the run has stored.
@@ -194,7 +197,7 @@ class Store:
         with self._mutex:
             row = self._database.execute("SELECT state FROM generations WHERE number = ?", (number,)).fetchone()
         if row is None:
-            self._save([("generations", (number, text))])
+            self._append([("generations", (number, text))])
         elif row[0] != text:
             raise RunError(f"'{self.folder / FILE}': generation {number} is not what it was when the run was begun")
 
@@ -209,9 +212,20 @@ class Store:
         return {str(name): bytes(content) for name, content in rows}
 
     def finish(self, files: Mapping[str, bytes]) -> None:
-        """Store the results and mark the run as finished, in one transaction."""
+        """Store the results and mark the run as finished, in one transaction; they are on the disk when this returns."""
         rows = [("files", (name, content)) for name, content in files.items()]
         self._save([*rows, ("facts", ("state", '"finished"'))])
+        with _sqlite_errors_named(self.folder):
+            _write_out(self.folder / FILE)
+
+    def _append(self, rows: Sequence[tuple[str, Sequence[Any]]]) -> None:
+        """Save rows that others will follow: a write-ahead log needs one wait for the disk each, not four."""
+        with self._mutex, _sqlite_errors_named(self.folder):
+            if not self._logged:
+                self._database.execute("PRAGMA journal_mode = WAL")
+                self._database.execute("PRAGMA synchronous = FULL")
+                self._logged = True
+            self._write(rows)
 
     def _save(self, rows: Sequence[tuple[str, Sequence[Any]]]) -> None:
         with self._mutex, _sqlite_errors_named(self.folder):
@@ -262,17 +276,26 @@ def _create(folder: Path, request: Mapping[str, Any]) -> None:
     aside.unlink(missing_ok=True)
     database = sqlite3.connect(aside)
     try:
+        database.execute("PRAGMA synchronous = OFF")
         with database:
+            database.execute("BEGIN")
             for table, columns in _COLUMNS.items():
                 database.execute(f"CREATE TABLE {table} ({columns}, hash TEXT NOT NULL)")
             _insert(database, "facts", ("format", canonical(FORMAT)))
             _insert(database, "facts", ("request", canonical(request)))
             _insert(database, "facts", ("state", canonical("unfinished")))
         database.close()
+        _write_out(aside)
         aside.replace(folder / FILE)
     finally:
         database.close()
         aside.unlink(missing_ok=True)
+
+
+def _write_out(file: Path) -> None:
+    """Wait until a file is on the disk."""
+    with file.open("rb+") as stream:
+        os.fsync(stream.fileno())
 
 
 def _remove_files(folder: Path) -> None:
@@ -284,15 +307,16 @@ def _open_database(
     folder: Path, request: Mapping[str, Any], may_replace: Callable[[Mapping[str, Any]], bool]
 ) -> sqlite3.Connection:
     """Open the checked file of the run of `request`; make it if there is none."""
-    if not (folder / FILE).exists():
+    fresh = not (folder / FILE).exists()
+    if fresh:
         _create(folder, request)
     database = connect(folder, "rw")
     try:
         facts = checked_facts(folder, database)
         differences = _request_differences(facts["request"], request)
         if not differences:
-            database.execute("PRAGMA journal_mode = WAL")
-            database.execute("PRAGMA synchronous = FULL")
+            if fresh:
+                database.execute("PRAGMA synchronous = OFF")  # until an evaluation is saved, nothing in it took long
             return database
     except BaseException:
         database.close()
