@@ -1,20 +1,23 @@
 """Does a planned motion decide what the first recording left open? Random drives, 1 % noise, reference solver.
 
     python bench/plan.py run 0 20 --seed 5     drives 0 to 19, added to the file of the seed
+    python bench/plan.py run 0 20 --seed 6 --limits moves
     python bench/plan.py table --seed 5
     python bench/plan.py demo --save           the demo's drive: information, and intervals identified anew
     python bench/plan.py limits 0 20           two plans for each of drives 0 to 19, in open and in closed loop
     python bench/plan.py limits-table --save   share of fresh draws of the parameters that keep the limits
 
-The first recording is a careful one: a random motion at 40 % of the torque, or more where friction needs it to reach
-40 % of the speed that the motion has at full torque. A drive counts if it leaves an effect that is there *not
-decidable*; a lag of less than a sample is left out, since no motion lets the search call it needed. The limits are the
-drive's own: what a reversing motion, a chirp and a multisine reach at full torque. The second recording has the same
-length, sensor and noise. It is the planned motion, a chirp, a multisine, or the first motion again, the last three as
-large as the limits allow. Both recordings are identified jointly. An effect is decided rightly if it is *needed* then,
-or *not needed* and smaller than what matters. Its predicted power is the least over the questions between structures
-with and without it. Where all effects have a power below 0.5, only the planned motion is recorded. The drives have up
-to `--masses` masses, and the search offers as many. A plan tries about 150 motions, a tenth of what the command does.
+The first recording is a careful one: a random motion at 40 % of the torque, or more where friction needs it to reach 40
+% of the speed that the motion has at full torque. A drive counts if it leaves an effect that is there *not decidable*;
+a lag of less than a sample is left out, since no motion lets the search call it needed. The limits are the drive's own:
+what a reversing motion, a chirp and a multisine reach at full torque, so that torque alone holds them back; with
+`--limits moves`, what the reversing motion reaches, as on a machine that is built for its moves. The second recording
+has the same length, sensor and noise. It is the planned motion, a chirp, a multisine, or the first motion again, the
+last three as large as the limits allow. Both recordings are identified jointly. An effect is decided rightly if it is
+*needed* then, or *not needed* and smaller than what matters. Its predicted power is the least over the questions
+between structures with and without it. Where all effects have a power below 0.5, only the planned motion is recorded.
+The drives have up to `--masses` masses, and the search offers as many. A plan tries about 150 motions, a tenth of what
+the command does.
 """
 
 from __future__ import annotations
@@ -160,21 +163,20 @@ def is_short_lag(drive: RandomDrive, effect: str) -> bool:
     return bool(lags) and sum(lags) < DT
 
 
-def predicted(made: Plan, effect: str) -> float:
-    """Least power to decide between a structure with the effect and one without it.
+def predicted(made: Plan, effect: str) -> dict[str, float]:
+    """Least powers to decide between a structure with the effect and one without it, by kinds of questions.
 
-    Where structures are tied by it, that is what is asked, for all its sizes; else the least size that matters is.
+    Where structures are tied by an effect, truths have all its sizes between them; else it has the least size that
+    matters. An effect that is there may be either, so its predicted power is the least of both.
     """
-    pairs = [
-        (q, p)
-        for q, p in zip(made.drive.known.questions, made.found.powers, strict=True)
-        if has(Structure.parse(q.truth), effect) and not has(Structure.parse(q.rival.structure), effect)
-    ]
-    tied = [p for q, p in pairs if q.kind == "tied"]
-    return min(tied or [p for _, p in pairs])
+    least: dict[str, float] = {}
+    for q, power in zip(made.drive.known.questions, made.found.powers, strict=True):
+        if has(Structure.parse(q.truth), effect) and not has(Structure.parse(q.rival.structure), effect):
+            least[q.kind] = min(power, least.get(q.kind, 1.0))
+    return least
 
 
-def examine(seed: int, number: int, masses: int) -> Iterator[dict[str, object]]:
+def examine(seed: int, number: int, masses: int, limited_by: str) -> Iterator[dict[str, object]]:
     """Rows of one drive: one per effect that is there and not decided."""
     drive = RandomDrive(seed, number, [s for s in PAPER.structures() if s.masses <= masses])
     careful = careful_torque(drive)
@@ -184,13 +186,14 @@ def examine(seed: int, number: int, masses: int) -> Iterator[dict[str, object]]:
     left = {c.effect for c in result.evidence.cards if c.verdict == "not decidable"}
     asked = {e for q in result.evidence.questions.questions for e in q.effects}
     targets = sorted(e for e in left & asked if has(drive.truth, e) and not is_short_lag(drive, e))
-    about = {"seed": seed, "number": number, "masses": masses, "truth": str(drive.truth)}
+    about = {"seed": seed, "number": number, "masses": masses, "limits": limited_by, "truth": str(drive.truth)}
     if not targets:
         yield {**about, "effect": None}
         return
     rng, begin = np.random.default_rng([seed, number, 7]), time.perf_counter()
     full = {kind: excitation(kind, rng) for kind in MOTIONS}
-    limits = own_limits(drive, [drive.u[0], *full.values()])
+    reached = [drive.u[0], *full.values()] if limited_by == "torque" else [careful, full["reversing"]]
+    limits = own_limits(drive, reached)
     with tempfile.TemporaryDirectory() as folder:
         result.write(folder)
         try:
@@ -199,9 +202,9 @@ def examine(seed: int, number: int, masses: int) -> Iterator[dict[str, object]]:
             yield {**about, "effect": None, "refused": str(why)}
             return
     about |= {"family": made.found.candidate.family.name, "s": round(time.perf_counter() - begin, 1)}
-    power = {effect: predicted(made, effect) for effect in targets}
+    powers = {effect: predicted(made, effect) for effect in targets}
     torques = {"plan": made.found.candidate.torque}
-    if max(power.values()) >= COMPARED:
+    if max(power for kinds in powers.values() for power in kinds.values()) >= COMPARED:
         others = {"repeated": drive.u[0], "chirp": full["chirp"], "multisine": full["multisine"]}
         torques |= {name: within_limits(made, u) for name, u in others.items()}
     pairs = {name: [first, sensor.recorded(u, name, k)] for k, (name, u) in enumerate(torques.items(), 1)}
@@ -209,7 +212,8 @@ def examine(seed: int, number: int, masses: int) -> Iterator[dict[str, object]]:
     for effect in targets:
         cards = {name: found.get(effect, ("not needed", "")) for name, found in second.items()}
         size = relative_size(drive, result, pairs["plan"], effect)
-        row = {**about, "effect": effect, "power": power[effect], "size": size, "reason": cards["plan"][1]}
+        power = {"powers": powers[effect], "power": min(powers[effect].values())}
+        row = {**about, "effect": effect, **power, "size": size, "reason": cards["plan"][1]}
         yield row | {name: verdict for name, (verdict, _) in cards.items()}
 
 
@@ -382,6 +386,7 @@ def main() -> None:
         one.add_argument("first", type=int)
         one.add_argument("last", type=int)
     commands.choices["run"].add_argument("--masses", type=int, default=4, help="largest number of masses")
+    commands.choices["run"].add_argument("--limits", choices=("torque", "moves"), default="torque", help="what limits")
     for name in ("table", "limits-table", "demo"):
         commands.add_parser(name).add_argument("--save", action="store_true", help="write bench/results/plan.json")
     for one in commands.choices.values():
@@ -393,7 +398,7 @@ def main() -> None:
         publish("plan", demo_tables(), to_file=given.save)
     elif given.command == "run":
         left = drives_left(path, given.seed, given.first, given.last)
-        add_rows(path, left, lambda number: examine(given.seed, number, given.masses), words)
+        add_rows(path, left, lambda number: examine(given.seed, number, given.masses, given.limits), words)
     elif given.command == "limits":
         left = drives_left(limits_path, given.seed, given.first, given.last)
         add_rows(limits_path, left, lambda number: kept_limits(given.seed, number), limits_words)
