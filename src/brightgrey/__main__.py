@@ -25,8 +25,8 @@ def run() -> NoReturn:
 def _program() -> int:
     """Import the program and run it; an interruption in the meantime ends with one line and exit code 130.
 
-    What is imported stays. Looking through it for garbage at every 700 new objects takes a tenth of the start. At half a
-    million, no command that takes seconds looks at all; the demo's search then holds 2 % more memory.
+    What is imported stays. Looking through it for garbage at every 700 new objects takes a tenth of the start. At half
+    a million, no command that takes seconds looks at all; the demo's search then holds 2 % more memory.
     """
     try:
         gc.set_threshold(500_000)

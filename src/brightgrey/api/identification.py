@@ -11,7 +11,6 @@ import numpy as np
 
 from brightgrey import estimation
 from brightgrey.api.result import Result
-from brightgrey.api.structure_search import SearchKind, SearchRequest, SearchResult, grammar_searched, search_structure
 from brightgrey.api.to_si import Range, check_alike, identification_task, start_si
 from brightgrey.arguments import checked_arguments
 from brightgrey.errors import SettingsError, one_of
@@ -32,12 +31,13 @@ from brightgrey.recordings.checks.checkup import Checkup
 from brightgrey.recordings.checks.checkup import check as check_recordings
 from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.search import IdentificationTask
-from brightgrey.search.genetic import GeneticSettings, Progress
-from brightgrey.search.progress import SearchProgress
 from brightgrey.version import __version__
 
 if TYPE_CHECKING:
     from brightgrey.api.differences import ControlDifference
+    from brightgrey.api.structure_search import SearchKind, SearchResult
+    from brightgrey.search.genetic import Progress
+    from brightgrey.search.progress import SearchProgress
 
 __all__ = ["identify"]
 
@@ -162,6 +162,8 @@ def identify(
     task = identification_task(several, named, bounds or {}, fixed or {}, f_tanh, per_recording)
     found = None
     if named is None:
+        from brightgrey.api.structure_search import SearchRequest, grammar_searched, search_structure
+
         request = SearchRequest(
             search or "auto",
             grammar_searched(search, grammar),
@@ -193,7 +195,7 @@ def identify(
     )
     profiles = tuple(estimation.profile(fit, several, name) for name in dict.fromkeys(profile))
     made = _assemble_result(fit, several, test, constants, seed, found, profiles, checkup)
-    asked = _Asked(task, search, grammar, tuple(require), tuple(exclude), initial, level, seed)
+    asked = _Asked(task, tuple(require), tuple(exclude), initial, level, seed)
     return replace(made, record=_record(asked, fit, found), recordings=several)
 
 
@@ -202,8 +204,6 @@ class _Asked:
     """Request of an identification."""
 
     task: IdentificationTask
-    search: SearchKind | None
-    grammar: Literal["drive", "paper"] | None
     require: tuple[str, ...]
     exclude: tuple[str, ...]
     initial: str
@@ -213,11 +213,11 @@ class _Asked:
 
 def _record(asked: _Asked, fit: Fit, found: SearchResult | None) -> RunRecord:
     """Record of an identification."""
-    task, search = asked.task, asked.search
+    task = asked.task
     return RunRecord(
         recordings=tuple(map(RecordingPart.of, task.recordings)),
-        search=None if found is None else "genetic" if isinstance(search, GeneticSettings) else search or "auto",
-        grammar=None if found is None else grammar_searched(search, asked.grammar).name,
+        search=None if found is None else found.search,
+        grammar=None if found is None else found.grammar,
         require=asked.require,
         exclude=asked.exclude,
         bounds=task.bounds,

@@ -24,14 +24,14 @@ from brightgrey.model.trace import Trace
 from brightgrey.recordings import Recording
 from brightgrey.recordings.checks.checkup import Checkup
 from brightgrey.runs.blas_threads import one_blas_thread
-from brightgrey.search.evidence import Evidence
-from brightgrey.search.genetic import Run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from brightgrey.api.differences import ControlDifference
     from brightgrey.report.content import Content
+    from brightgrey.search.evidence import Evidence
+    from brightgrey.search.genetic import Run
 
 __all__ = ["Result"]
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy
@@ -16,7 +16,6 @@ import scipy
 
 from brightgrey.api.identification import identify
 from brightgrey.api.result import Result
-from brightgrey.api.structure_search import grammar_searched
 from brightgrey.errors import BrightgreyError
 from brightgrey.kit import function_set
 from brightgrey.model.files import check_folder, write_files
@@ -25,10 +24,13 @@ from brightgrey.recordings import Recording
 from brightgrey.runs import Budget, CachingExecutor, RunError, RunStatus, Stop, Store, read_status
 from brightgrey.runs.serialisation import canonical, digest, source_hash
 from brightgrey.runs.store import FILE
-from brightgrey.search.genetic import GeneticSettings, Progress
 from brightgrey.search.parallel import Stopped, thread_pool
-from brightgrey.search.progress import SearchProgress
 from brightgrey.version import __version__
+
+if TYPE_CHECKING:
+    from brightgrey.api.structure_search import SearchKind
+    from brightgrey.search.genetic import Progress
+    from brightgrey.search.progress import SearchProgress
 
 __all__ = ["StoredRun", "identify_resumable", "list_runs", "request_of"]
 
@@ -78,19 +80,27 @@ def request_of(recordings: Recording | Sequence[Recording], structure: Any = Non
         request["test recording"] = _identity(asked["test"])
     if asked["start"] is not None:
         request["start model"] = digest(asked["start"].text())[:16]
-    search, grammar = asked["search"], request.pop("grammar")
-    if structure is not None:
-        request["structure"] = str(function_set().parse(str(structure)))
-    elif isinstance(search, GeneticSettings):
-        request |= {"search": "genetic"} | {f"genetic {name}": value for name, value in asdict(search).items()}
-    else:
-        request["search"] = search or "auto"
+    grammar = request.pop("grammar")
     if structure is None:
-        request["grammar"] = grammar_searched(search, grammar).name
+        request |= _search_asked(asked["search"], grammar)
+    else:
+        request["structure"] = str(function_set().parse(str(structure)))
     versions = {"brightgrey": __version__, "numpy": numpy.__version__, "scipy": scipy.__version__}
     request["versions"] = {**versions, "numba": numba.__version__, "code": source_hash()}
     plain: dict[str, Any] = json.loads(canonical(request))
     return plain
+
+
+def _search_asked(search: SearchKind | None, grammar: str | None) -> dict[str, Any]:
+    """Part of a request that tells which search it is; a given structure does not need the modules of a search."""
+    from brightgrey.api.structure_search import grammar_searched
+    from brightgrey.search.genetic import GeneticSettings
+
+    if isinstance(search, GeneticSettings):
+        about = {"search": "genetic"} | {f"genetic {name}": value for name, value in asdict(search).items()}
+    else:
+        about = {"search": search or "auto"}
+    return about | {"grammar": grammar_searched(search, grammar).name}
 
 
 def _identity(recording: Recording) -> str:
@@ -201,6 +211,8 @@ def _is_fit(request: Mapping[str, Any]) -> bool:
 
 def _store_progress(store: Store, step: SearchProgress | Progress) -> None:
     """Store the progress of a search; for a genetic one also the state that the next generation is drawn from."""
+    from brightgrey.search.progress import SearchProgress
+
     if isinstance(step, SearchProgress):
         stage = {"name": step.name, "done": step.done, "total": step.total, "best": str(step.structure)}
         border = {} if step.border is None else asdict(step.border)

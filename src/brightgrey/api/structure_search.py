@@ -39,6 +39,10 @@ class SearchResult:
     ranking : tuple of Row
         All structures that were fitted, best first.
     criterion : CriterionPart
+    search : {'auto', 'exhaustive', 'genetic'}
+        Its kind.
+    grammar : str
+        Name of the function set.
     note : str
         One sentence about the search.
     files : mapping of str to bytes
@@ -57,6 +61,8 @@ class SearchResult:
     values: Mapping[str, float]
     ranking: tuple[Row, ...]
     criterion: CriterionPart
+    search: Literal["auto", "exhaustive", "genetic"]
+    grammar: str
     note: str
     files: Mapping[str, bytes] = field(default_factory=dict)
     evidence: Evidence | None = None
@@ -155,6 +161,8 @@ def search_structure(task: IdentificationTask, request: SearchRequest) -> Search
         values=best.values,
         ranking=rows,
         criterion=CriterionPart(name="BIC", value=done.ranking[0].criterion),
+        search=request.how,
+        grammar=request.grammar.name,
         note=_note(done),
         files={UNDECIDED_FILE: questions.text().encode()} if questions else {},
         evidence=done.evidence,
@@ -193,6 +201,8 @@ def _genetic(task: IdentificationTask, settings: GeneticSettings, request: Searc
         values=dict(best.result.values),
         ranking=_rank_evaluations(done, task),
         criterion=CriterionPart(name=settings.criterion, value=best.value),
+        search="genetic",
+        grammar=request.grammar.name,
         files={"history.csv": history_csv(done).encode()},
         note=_note_on_genetic(done, settings),
         run=done,

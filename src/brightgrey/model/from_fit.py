@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from brightgrey.effects import SPEED
 from brightgrey.estimation import Estimate, Fit, Profile
@@ -29,8 +30,10 @@ from brightgrey.model.schema import (
     ValuePart,
 )
 from brightgrey.recordings import Recording, Units
-from brightgrey.search.certificate import Certificate
-from brightgrey.search.evidence import Evidence
+
+if TYPE_CHECKING:
+    from brightgrey.search.certificate import Certificate
+    from brightgrey.search.evidence import Evidence
 
 __all__ = ["model_of"]
 

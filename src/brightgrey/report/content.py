@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from brightgrey.estimation.diagnostics.second_opinion import TermOpinion
 from brightgrey.model.model import Model
@@ -20,8 +20,10 @@ from brightgrey.report.charts.friction import friction_charts
 from brightgrey.report.charts.position_torque import position_torque_charts
 from brightgrey.report.charts.search_progress import front_chart, history_chart
 from brightgrey.report.quantities.assembled_model import AssembledModel
-from brightgrey.search.evidence import Evidence
-from brightgrey.search.genetic import Run
+
+if TYPE_CHECKING:
+    from brightgrey.search.evidence import Evidence
+    from brightgrey.search.genetic import Run
 
 __all__ = ["Content"]
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
 from platform import python_version
+from typing import TYPE_CHECKING
 
+import numba
+import numpy
+import scipy
 from markupsafe import Markup
 
 from brightgrey.kit import Placed, Structure
@@ -25,10 +28,11 @@ from brightgrey.report.text.next_steps import next_steps, why_not_richer
 from brightgrey.report.text.opinion_table import opinion_rows, opinion_sentences
 from brightgrey.report.text.prose import listing, sentence, with_meanings
 from brightgrey.report.text.tables import differing_values, fit_rows, friction_width_text, parameter_rows, remarks
-from brightgrey.search.genetic import Run
+
+if TYPE_CHECKING:
+    from brightgrey.search.genetic import Run
 
 __all__ = ["page"]
-_LIBRARIES = ("numpy", "scipy", "numba")
 
 
 def page(content: Content) -> str:
@@ -140,10 +144,5 @@ def _setting_rows(model: Model) -> list[tuple[str, str]]:
 
 
 def _versions() -> str:
-    found = [f"Python {python_version()}"]
-    for name in _LIBRARIES:
-        try:
-            found.append(f"{name} {version(name)}")
-        except PackageNotFoundError:  # a build without metadata
-            continue
-    return ", ".join(found)
+    libraries = (numpy, scipy, numba)
+    return ", ".join((f"Python {python_version()}", *(f"{m.__name__} {m.__version__}" for m in libraries)))

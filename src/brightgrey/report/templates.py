@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from functools import cache
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from jinja2 import Environment, FileSystemBytecodeCache, PackageLoader, StrictUndefined, Template
+from jinja2.bccache import Bucket
 from markupsafe import Markup, escape
 
 from brightgrey.kit import Placed, Structure
 from brightgrey.kit.in_words import effect_in_words, structure_in_words
 from brightgrey.recordings.units.signals import kind_in_words
+from brightgrey.simulation.kernel.machine.compilation import cache_folder
 
 __all__ = ["exact", "page_template"]
 
@@ -35,10 +38,29 @@ def _unbroken(command: str) -> Markup:
     return Markup(re.sub(r"\S+", r'<span class="typed-word">\g<0></span>', str(escape(command))))
 
 
+class _TemplateCache(FileSystemBytecodeCache):
+    """Compiled templates on the disk. What cannot be written, as on a full disk, the next process compiles anew."""
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        with suppress(OSError):
+            super().dump_bytecode(bucket)
+
+
+def _template_cache() -> _TemplateCache | None:
+    """Cache beside the kernel's machine code; None where none can be written."""
+    try:
+        folder = cache_folder()
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):
+        return None
+    return _TemplateCache(str(folder))
+
+
 @cache
 def _environment() -> Environment:
     environment = Environment(
         loader=PackageLoader("brightgrey", "report"),
+        bytecode_cache=_template_cache(),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

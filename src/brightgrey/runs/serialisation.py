@@ -16,17 +16,22 @@ from brightgrey.estimation.optimisation.least_squares import Optimum
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
-from brightgrey.search.criteria import Misfit
-from brightgrey.search.fitting.refined_fit import Refined
-from brightgrey.search.fitting.structure_fit import StructureFit
-from brightgrey.search.genetic.evaluation import Evaluated
 
 __all__ = ["call_text", "canonical", "digest", "name_of", "source_hash", "text_of", "to_plain", "value_of"]
 
-_RESULTS: Mapping[str, type[Any]] = {
-    kind.__name__: kind for kind in (Optimum, Evaluated, StructureFit, Misfit, Refined, SimulationCount)
-}
 _KIND = "~"
+
+
+@cache
+def _results() -> Mapping[str, type[Any]]:
+    """Types of results by name; those of a search are imported where one is read, not with every given structure."""
+    from brightgrey.search.criteria import Misfit
+    from brightgrey.search.fitting.refined_fit import Refined
+    from brightgrey.search.fitting.structure_fit import StructureFit
+    from brightgrey.search.genetic.evaluation import Evaluated
+
+    kinds = (Optimum, Evaluated, StructureFit, Misfit, Refined, SimulationCount)
+    return {kind.__name__: kind for kind in kinds}
 
 
 def digest(*parts: str | bytes) -> str:
@@ -100,7 +105,7 @@ def _from_plain(data: Any) -> Any:
         return {_from_plain(k): _from_plain(v) for k, v in data["items"]}
     if kind == "tuple":
         return tuple(_from_plain(item) for item in data["items"])
-    return _RESULTS[kind](**{name: _from_plain(item) for name, item in data.items()})
+    return _results()[kind](**{name: _from_plain(item) for name, item in data.items()})
 
 
 def text_of(result: Any) -> str:

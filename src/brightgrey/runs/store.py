@@ -212,7 +212,7 @@ class Store:
         return {str(name): bytes(content) for name, content in rows}
 
     def finish(self, files: Mapping[str, bytes]) -> None:
-        """Store the results and mark the run as finished, in one transaction; they are on the disk when this returns."""
+        """Store the results and mark the run as finished, in one transaction; all is on the disk when this returns."""
         rows = [("files", (name, content)) for name, content in files.items()]
         self._save([*rows, ("facts", ("state", '"finished"'))])
         with _sqlite_errors_named(self.folder):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,7 +12,9 @@ from brightgrey.kit.in_words import structure_in_words
 from brightgrey.model.ranking import Row, front
 from brightgrey.report.charts.chart import Chart, Line, Panel
 from brightgrey.report.options import REPORT_OPTIONS
-from brightgrey.search.genetic import Evaluation, Run
+
+if TYPE_CHECKING:
+    from brightgrey.search.genetic import Evaluation, Run
 
 __all__ = ["ancestors", "front_chart", "history_chart", "parents"]
 

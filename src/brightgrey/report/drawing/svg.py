@@ -6,13 +6,16 @@ import html
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from brightgrey.kit import Structure
 from brightgrey.model.schema import ParameterPart
 from brightgrey.report.charts.search_progress import ancestors, parents
 from brightgrey.report.drawing.trees import edges, positions
 from brightgrey.report.options import REPORT_OPTIONS
-from brightgrey.search.genetic import Evaluation, Node, Run
+
+if TYPE_CHECKING:
+    from brightgrey.search.genetic import Evaluation, Node, Run
 
 __all__ = ["effect_numbers", "family", "range_bar", "tree"]
 

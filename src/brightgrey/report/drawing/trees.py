@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from brightgrey.effects import registry
-from brightgrey.search.genetic import Node
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from brightgrey.search.genetic import Node
 
 __all__ = ["edges", "positions", "trees"]
 
