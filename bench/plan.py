@@ -16,8 +16,8 @@ has the same length, sensor and noise. It is the planned motion, a chirp, a mult
 last three as large as the limits allow. Both recordings are identified jointly. An effect is decided rightly if it is
 *needed* then, or *not needed* and smaller than what matters. Its predicted power is the least over the questions
 between structures with and without it. Where all effects have a power below 0.5, only the planned motion is recorded.
-The drives have up to `--masses` masses, and the search offers as many. Plans of `limits` try about 150 motions, a tenth
-of what the command does.
+The drives have up to `--masses` masses, and the search offers as many. A plan tries about 150 motions, a tenth of what
+the command does.
 """
 
 from __future__ import annotations
@@ -63,7 +63,6 @@ DT = PAPER_EXPERIMENT.dt
 HALVINGS = 6  # of the range of the first motion's torque
 MORE_MASSES = ("two_mass", "three_mass", "four_mass")
 FRESH_DRAWS = 500
-WHOLE = PlanningEffort(relaxed_log2=None)  # as the command, which asks for the limit in the way, too
 CHEAP = PlanningEffort(samples_log2=3, generations=4, population=8, optimised=2, finalists=4, relaxed_log2=None)
 BINS = (0.0, 0.2, 0.5, 0.8, 1.01)  # of the predicted power
 PREDICTED = 0.8
@@ -198,7 +197,7 @@ def examine(seed: int, number: int, masses: int, limited_by: str) -> Iterator[di
     with tempfile.TemporaryDirectory() as folder:
         result.write(folder)
         try:
-            made = plan(folder, limits=limits, seed=0, effort=WHOLE)
+            made = plan(folder, limits=limits, seed=0, effort=CHEAP)
         except SettingsError as why:
             yield {**about, "effect": None, "refused": str(why)}
             return
