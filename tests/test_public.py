@@ -133,4 +133,5 @@ def test_identify_with_a_given_structure__loads_no_package_it_does_not_use(tmp_p
     arguments = ["identify", str(demo), "--input", "torque", "--output", "velocity", "--structure", "one_mass+viscous"]
     code = f"from brightgrey.cli import main; main({[*arguments, '--quiet', '--out', str(tmp_path)]!r})"
     unused = {"scipy.stats", "scipy.signal", "scipy.optimize", "scipy.integrate", "scipy.io", "matplotlib", "ruckig"}
+    unused |= {"brightgrey.search.decision", "brightgrey.search.genetic", "brightgrey.api.differences"}
     assert not unused & set(imported_after(code, tuple(unused)))

@@ -1,8 +1,10 @@
 """The disk cache of the kernel is named by every source file that it is compiled from."""
 
 import shutil
+import tempfile
 from pathlib import Path
 
+import numba.core.config
 import pytest
 
 import brightgrey
@@ -47,3 +49,34 @@ def test_cache_folder__new_effect__has_another_name(package):
     (package / "effects" / "library" / "drag.py").write_text("EFFECT = None\n", encoding="utf-8")
     cache_folder.cache_clear()
     assert cache_folder(package).name != before
+
+
+@pytest.fixture
+def homeless(tmp_path, monkeypatch):
+    """Folder for temporary files of a user without a home, as an unnamed one in a container is."""
+
+    def no_home():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(numba.core.config, "CACHE_DIR", "")
+    monkeypatch.setattr(Path, "home", no_home)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    cache_folder.cache_clear()
+    yield tmp_path
+    cache_folder.cache_clear()
+
+
+def test_cache_folder__no_home__is_a_private_temporary_folder_that_later_processes_find(homeless):
+    first = cache_folder()
+    cache_folder.cache_clear()
+    assert cache_folder() == first
+    assert first.parent.parent == homeless
+    assert first.parent.stat().st_mode & 0o777 == 0o700
+
+
+def test_cache_folder__no_home_and_a_folder_that_others_may_write_to__is_another_one(homeless):
+    first = cache_folder().parent
+    first.chmod(0o777)
+    cache_folder.cache_clear()
+    assert cache_folder().parent != first

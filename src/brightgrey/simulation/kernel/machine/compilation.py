@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import hashlib
 import os
+import stat
+import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from threading import Lock
@@ -55,9 +57,23 @@ def cache_folder(package: Path = Path(__file__).parents[3]) -> Path:
     for room in ("effects", "simulation/kernel"):
         for file in sorted((package / room).rglob("*.py")):
             digest.update(file.read_bytes())
-    home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    base = _CONFIG.CACHE_DIR or str(Path(home) / "brightgrey")
-    return Path(base) / f"kernel-{digest.hexdigest()[:16]}"
+    base = Path(_CONFIG.CACHE_DIR) if _CONFIG.CACHE_DIR else _user_folder()
+    return base / f"kernel-{digest.hexdigest()[:16]}"
+
+
+def _user_folder() -> Path:
+    """Folder for caches of this user; without a home, as of an unnamed user in a container, a temporary one."""
+    if os.environ.get("XDG_CACHE_HOME"):
+        return Path(os.environ["XDG_CACHE_HOME"]) / "brightgrey"
+    try:
+        return Path.home() / ".cache" / "brightgrey"
+    except RuntimeError:
+        folder = Path(tempfile.gettempdir()) / f"brightgrey-{os.getuid()}"
+    with suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    found = folder.lstat()
+    own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022
+    return folder if own else Path(tempfile.mkdtemp(prefix="brightgrey-"))  # machine code of others must not be run
 
 
 @contextmanager
