@@ -17,6 +17,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.diagnostics.finding import Finding
+from brightgrey.estimation.optimisation.options import TORQUE_REGRESSION_DEFAULTS
 from brightgrey.estimation.problem.torque_balance import inertias, lags_of, rigid_torque, sizes_of, torque_kinds
 from brightgrey.kit import Placed, Structure, slowest_resonance
 from brightgrey.kit.in_words import effect_in_words
@@ -32,8 +33,6 @@ __all__ = ["TermOpinion", "contradictions", "second_opinion"]
 class _Policy:
     """Numbers of this module."""
 
-    smoothing: float = 0.5
-    """Width of the kernel over the period of the slowest resonance, whose amplitude it lowers to less than 1 %."""
     lags: float = 2.0
     """Least width of the kernel over the lag of the input: the shift by the lag is an approximation."""
     interval: float = 1.96
@@ -191,7 +190,8 @@ def _width(structure: Structure, values: Mapping[str, float], motion: _Motion) -
     """Width of the kernel in samples: above it the drive is rigid, and its acceleration free of noise."""
     examined = motion.examined
     period = 2.0 * np.pi / max(slowest_resonance(structure, values), 1e-300)
-    least = (2.0, POLICY.lags * _input_lag(structure, values) / examined.dt, POLICY.smoothing * period / examined.dt)
+    without_resonance = TORQUE_REGRESSION_DEFAULTS.smoothing * period / examined.dt
+    least = (2.0, POLICY.lags * _input_lag(structure, values) / examined.dt, without_resonance)
     order = KINDS[examined.recording.outputs[0].kind]
     noise = examined.noise[0] * (1.0 if order else 0.5 / (motion.first_width**1.5 * examined.dt))
     wide = (w for w in examined.widths if examined.is_clean(motion.velocity, noise, w))

@@ -80,7 +80,8 @@ class StartPointOptions:
 class TorqueRegressionOptions:
     """Regression of the torques that gives the sizes of starts."""
 
-    smoothing: float = 0.5  #: Width of the kernel over the period of the slowest resonance, which it takes away.
+    #: Width of the kernel over the period of the slowest resonance, whose amplitude it lowers to less than 1 %.
+    smoothing: float = 0.5
     rows: int = 200  #: Rows per recording that are enough for a handful of terms.
     least_torque: float = 0.01  #: Of a positive size, over the RMS of the input: none begins at zero.
     wave_rows: int = 1000  #: Rows per recording for the spectrum over the position,
