@@ -14,10 +14,10 @@ what a reversing motion, a chirp and a multisine reach at full torque, so that t
 `--limits moves`, what the reversing motion reaches, as on a machine that is built for its moves. The second recording
 has the same length, sensor and noise. It is the planned motion, a chirp, a multisine, or the first motion again, the
 last three as large as the limits allow. Both recordings are identified jointly. An effect is decided rightly if it is
-*needed* then, or *not needed* and smaller than what matters. Its predicted power is the least over the questions
-between structures with and without it. Where all effects have a power below 0.5, only the planned motion is recorded.
-The drives have up to `--masses` masses, and the search offers as many. A plan tries about 150 motions, a tenth of what
-the command does.
+*needed* then, or *not needed* and smaller than what matters. Its predicted power is a mean over the structures that
+have it and may be the truth, see `predicted`. Where all effects have a power below 0.5, only the planned motion is
+recorded. The drives have up to `--masses` masses, and the search offers as many. A plan tries about 150 motions, a
+tenth of what the command does.
 """
 
 from __future__ import annotations
@@ -164,15 +164,16 @@ def is_short_lag(drive: RandomDrive, effect: str) -> bool:
 
 
 def predicted(made: Plan, effect: str) -> dict[str, float]:
-    """Least powers to decide between a structure with the effect and one without it, by kinds of questions.
+    """Powers to decide on an effect, by the structures that have it and may be the truth.
 
-    Where structures are tied by an effect, truths have all its sizes between them; else it has the least size that
-    matters. An effect that is there may be either, so its predicted power is the least of both.
+    These are structures that explain the first recording as well as others do, with all sizes between the two, and the
+    best structure with the least size that matters. Each has to be told from all its rivals that lack the effect.
     """
     least: dict[str, float] = {}
     for q, power in zip(made.drive.known.questions, made.found.powers, strict=True):
         if has(Structure.parse(q.truth), effect) and not has(Structure.parse(q.rival.structure), effect):
-            least[q.kind] = min(power, least.get(q.kind, 1.0))
+            truth = f"{q.truth}, {q.kind}"
+            least[truth] = min(power, least.get(truth, 1.0))
     return least
 
 
@@ -204,7 +205,8 @@ def examine(seed: int, number: int, masses: int, limited_by: str) -> Iterator[di
     about |= {"family": made.found.candidate.family.name, "s": round(time.perf_counter() - begin, 1)}
     powers = {effect: predicted(made, effect) for effect in targets}
     torques = {"plan": made.found.candidate.torque}
-    if max(power for kinds in powers.values() for power in kinds.values()) >= COMPARED:
+    power = {effect: float(np.mean(list(truths.values()))) for effect, truths in powers.items()}
+    if max(power.values()) >= COMPARED:
         others = {"repeated": drive.u[0], "chirp": full["chirp"], "multisine": full["multisine"]}
         torques |= {name: within_limits(made, u) for name, u in others.items()}
     pairs = {name: [first, sensor.recorded(u, name, k)] for k, (name, u) in enumerate(torques.items(), 1)}
@@ -212,8 +214,14 @@ def examine(seed: int, number: int, masses: int, limited_by: str) -> Iterator[di
     for effect in targets:
         cards = {name: found.get(effect, ("not needed", "")) for name, found in second.items()}
         size = relative_size(drive, result, pairs["plan"], effect)
-        power = {"powers": powers[effect], "power": min(powers[effect].values())}
-        row = {**about, "effect": effect, **power, "size": size, "reason": cards["plan"][1]}
+        row = {
+            **about,
+            "effect": effect,
+            "power": power[effect],
+            "powers": powers[effect],
+            "size": size,
+            "reason": cards["plan"][1],
+        }
         yield row | {name: verdict for name, (verdict, _) in cards.items()}
 
 
