@@ -1,23 +1,20 @@
 """Does a planned motion decide what the first recording left open? Random drives, 1 % noise, reference solver.
 
     python bench/plan.py run 0 20 --seed 5     drives 0 to 19, added to the file of the seed
-    python bench/plan.py run 0 20 --seed 6 --limits moves
     python bench/plan.py table --seed 5
     python bench/plan.py demo --save           the demo's drive: information, and intervals identified anew
     python bench/plan.py limits 0 20           two plans for each of drives 0 to 19, in open and in closed loop
     python bench/plan.py limits-table --save   share of fresh draws of the parameters that keep the limits
 
-The first recording is a careful one: a random motion at 40 % of the torque, or more where friction needs it to reach 40
-% of the speed that the motion has at full torque. A drive counts if it leaves an effect that is there *not decidable*;
-a lag of less than a sample is left out, since no motion lets the search call it needed. The limits are the drive's own:
-what a reversing motion, a chirp and a multisine reach at full torque, so that torque alone holds them back; with
-`--limits moves`, what the reversing motion reaches, as on a machine that is built for its moves. The second recording
-has the same length, sensor and noise. It is the planned motion, a chirp, a multisine, or the first motion again, the
-last three as large as the limits allow. Both recordings are identified jointly. An effect is decided rightly if it is
-*needed* then, or *not needed* and smaller than what matters. Its predicted power is a mean over the structures that
-have it and may be the truth, see `predicted`. Where all effects have a power below 0.5, only the planned motion is
-recorded. The drives have up to `--masses` masses, and the search offers as many. A plan tries about 150 motions, a
-tenth of what the command does.
+The first recording is a careful one: a random motion at 40 % of the torque, or more where friction needs it to reach
+40 % of the speed that the motion has at full torque. A drive counts if it leaves an effect that is there *not
+decidable*; a lag of less than a sample is left out, since no motion lets the search call it needed. The limits are the
+drive's own: what a reversing motion, a chirp and a multisine reach at full torque. The second recording has the same
+length, sensor and noise. It is the planned motion, a chirp, a multisine, or the first motion again, the last three as
+large as the limits allow. Both recordings are identified jointly. An effect is decided rightly if it is *needed* then,
+or *not needed* and smaller than what matters. Its predicted power is the least over the questions between structures
+with and without it. Where all effects have a power below 0.5, only the planned motion is recorded. The drives have up
+to `--masses` masses, and the search offers as many. A plan tries about 150 motions, a tenth of what the command does.
 """
 
 from __future__ import annotations
@@ -163,21 +160,21 @@ def is_short_lag(drive: RandomDrive, effect: str) -> bool:
     return bool(lags) and sum(lags) < DT
 
 
-def predicted(made: Plan, effect: str) -> dict[str, float]:
-    """Powers to decide on an effect, by the structures that have it and may be the truth.
+def predicted(made: Plan, effect: str) -> float:
+    """Least power to decide between a structure with the effect and one without it.
 
-    These are structures that explain the first recording as well as others do, with all sizes between the two, and the
-    best structure with the least size that matters. Each has to be told from all its rivals that lack the effect.
+    Where structures are tied by it, that is what is asked, for all its sizes; else the least size that matters is.
     """
-    least: dict[str, float] = {}
-    for q, power in zip(made.drive.known.questions, made.found.powers, strict=True):
-        if has(Structure.parse(q.truth), effect) and not has(Structure.parse(q.rival.structure), effect):
-            truth = f"{q.truth}, {q.kind}"
-            least[truth] = min(power, least.get(truth, 1.0))
-    return least
+    pairs = [
+        (q, p)
+        for q, p in zip(made.drive.known.questions, made.found.powers, strict=True)
+        if has(Structure.parse(q.truth), effect) and not has(Structure.parse(q.rival.structure), effect)
+    ]
+    tied = [p for q, p in pairs if q.kind == "tied"]
+    return min(tied or [p for _, p in pairs])
 
 
-def examine(seed: int, number: int, masses: int, limited_by: str) -> Iterator[dict[str, object]]:
+def examine(seed: int, number: int, masses: int) -> Iterator[dict[str, object]]:
     """Rows of one drive: one per effect that is there and not decided."""
     drive = RandomDrive(seed, number, [s for s in PAPER.structures() if s.masses <= masses])
     careful = careful_torque(drive)
@@ -187,14 +184,13 @@ def examine(seed: int, number: int, masses: int, limited_by: str) -> Iterator[di
     left = {c.effect for c in result.evidence.cards if c.verdict == "not decidable"}
     asked = {e for q in result.evidence.questions.questions for e in q.effects}
     targets = sorted(e for e in left & asked if has(drive.truth, e) and not is_short_lag(drive, e))
-    about = {"seed": seed, "number": number, "masses": masses, "limits": limited_by, "truth": str(drive.truth)}
+    about = {"seed": seed, "number": number, "masses": masses, "truth": str(drive.truth)}
     if not targets:
         yield {**about, "effect": None}
         return
     rng, begin = np.random.default_rng([seed, number, 7]), time.perf_counter()
     full = {kind: excitation(kind, rng) for kind in MOTIONS}
-    reached = [drive.u[0], *full.values()] if limited_by == "torque" else [careful, full["reversing"]]
-    limits = own_limits(drive, reached)
+    limits = own_limits(drive, [drive.u[0], *full.values()])
     with tempfile.TemporaryDirectory() as folder:
         result.write(folder)
         try:
@@ -203,9 +199,8 @@ def examine(seed: int, number: int, masses: int, limited_by: str) -> Iterator[di
             yield {**about, "effect": None, "refused": str(why)}
             return
     about |= {"family": made.found.candidate.family.name, "s": round(time.perf_counter() - begin, 1)}
-    powers = {effect: predicted(made, effect) for effect in targets}
+    power = {effect: predicted(made, effect) for effect in targets}
     torques = {"plan": made.found.candidate.torque}
-    power = {effect: float(np.mean(list(truths.values()))) for effect, truths in powers.items()}
     if max(power.values()) >= COMPARED:
         others = {"repeated": drive.u[0], "chirp": full["chirp"], "multisine": full["multisine"]}
         torques |= {name: within_limits(made, u) for name, u in others.items()}
@@ -214,14 +209,7 @@ def examine(seed: int, number: int, masses: int, limited_by: str) -> Iterator[di
     for effect in targets:
         cards = {name: found.get(effect, ("not needed", "")) for name, found in second.items()}
         size = relative_size(drive, result, pairs["plan"], effect)
-        row = {
-            **about,
-            "effect": effect,
-            "power": power[effect],
-            "powers": powers[effect],
-            "size": size,
-            "reason": cards["plan"][1],
-        }
+        row = {**about, "effect": effect, "power": power[effect], "size": size, "reason": cards["plan"][1]}
         yield row | {name: verdict for name, (verdict, _) in cards.items()}
 
 
@@ -394,7 +382,6 @@ def main() -> None:
         one.add_argument("first", type=int)
         one.add_argument("last", type=int)
     commands.choices["run"].add_argument("--masses", type=int, default=4, help="largest number of masses")
-    commands.choices["run"].add_argument("--limits", choices=("torque", "moves"), default="torque", help="what limits")
     for name in ("table", "limits-table", "demo"):
         commands.add_parser(name).add_argument("--save", action="store_true", help="write bench/results/plan.json")
     for one in commands.choices.values():
@@ -406,7 +393,7 @@ def main() -> None:
         publish("plan", demo_tables(), to_file=given.save)
     elif given.command == "run":
         left = drives_left(path, given.seed, given.first, given.last)
-        add_rows(path, left, lambda number: examine(given.seed, number, given.masses, given.limits), words)
+        add_rows(path, left, lambda number: examine(given.seed, number, given.masses), words)
     elif given.command == "limits":
         left = drives_left(limits_path, given.seed, given.first, given.last)
         add_rows(limits_path, left, lambda number: kept_limits(given.seed, number), limits_words)
