@@ -213,3 +213,52 @@ def test_store__different_generation__refused(tmp_path):
         store.save_generation(0, {"random": 1})
         with pytest.raises(RunError, match="generation 0"):
             store.save_generation(0, {"random": 2})
+
+
+@pytest.fixture
+def half_written(kept, tmp_path):
+    """Folder of a file beside the journal of a transaction that was written half; SQLite would roll it back."""
+    folder, _ = kept
+    database = sqlite3.connect(folder / FILE, isolation_level=None)
+    database.execute("PRAGMA cache_size = 1")
+    database.execute("BEGIN IMMEDIATE")
+    database.execute("DELETE FROM evaluations")
+    left = tmp_path / "half written"
+    left.mkdir()
+    for name in (FILE, f"{FILE}-journal"):
+        shutil.copy(folder / name, left / name)
+    database.execute("ROLLBACK")
+    database.close()
+    return left
+
+
+def test_store__restart_beside_a_journal__does_not_bring_the_old_run_back(half_written):
+    with Store.open(half_written, {**REQUEST, "seed": 1}, restart=True) as store:
+        assert store.result("0" * 64) is None
+
+
+@pytest.mark.parametrize("evaluated", [False, True])
+def test_store__finished_while_another_program_reads__is_finished(tmp_path, evaluated):
+    folder = tmp_path / "run"
+    with Store.open(folder, REQUEST) as store:
+        if evaluated:
+            store.save_evaluation("0" * 64, 0, "f", "one_mass", 0.1, text_of(1.0))
+        reader = sqlite3.connect(folder / FILE)
+        reading = reader.execute("SELECT * FROM facts")
+        reading.fetchone()
+        store.finish({"a": b"x" * 100_000})
+        reader.close()
+        assert store.finished
+        assert store.files() == {"a": b"x" * 100_000}
+    assert read_status(folder).state == "finished"
+
+
+def test_store__closed_after_a_kill__needs_no_log_to_be_read(tmp_path):
+    with Store.open(tmp_path / "run", REQUEST) as store:
+        store.save_evaluation("0" * 64, 0, "f", "one_mass", 0.1, text_of(1.0))
+        (tmp_path / "killed").mkdir()
+        for name in (FILE, f"{FILE}-wal"):
+            shutil.copy(tmp_path / "run" / name, tmp_path / "killed" / name)
+    with Store.open(tmp_path / "killed", REQUEST) as store:
+        assert store.result("0" * 64) == text_of(1.0)
+    assert (tmp_path / "killed" / FILE).read_bytes()[18:20] == b"\x01\x01"  # versions of a file without a log

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from contextlib import suppress
 from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from pickle import UnpicklingError
 
 from jinja2 import Environment, FileSystemBytecodeCache, PackageLoader, StrictUndefined, Template
 from jinja2.bccache import Bucket
@@ -39,7 +43,13 @@ def _unbroken(command: str) -> Markup:
 
 
 class _TemplateCache(FileSystemBytecodeCache):
-    """Compiled templates on the disk. What cannot be written, as on a full disk, the next process compiles anew."""
+    """Compiled templates on the disk. What cannot be read or written there is compiled anew."""
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        try:
+            super().load_bytecode(bucket)
+        except (EOFError, OSError, TypeError, ValueError, UnpicklingError):
+            bucket.reset()
 
     def dump_bytecode(self, bucket: Bucket) -> None:
         with suppress(OSError):
@@ -47,13 +57,14 @@ class _TemplateCache(FileSystemBytecodeCache):
 
 
 def _template_cache() -> _TemplateCache | None:
-    """Cache beside the kernel's machine code; None where none can be written."""
+    """Cache beside the kernel's machine code, of this file's filters and options; None where none can be written."""
+    own = hashlib.sha256(version("jinja2").encode() + Path(__file__).read_bytes()).hexdigest()[:16]
     try:
         folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError):
+    except OSError:
         return None
-    return _TemplateCache(str(folder))
+    return _TemplateCache(str(folder), f"template-%s-{own}.cache")
 
 
 @cache

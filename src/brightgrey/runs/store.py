@@ -23,7 +23,6 @@ from brightgrey.runs.serialisation import canonical, digest
 __all__ = ["FILE", "LOCK", "RunError", "Store", "checked_facts", "connect", "damaged", "exclusive_folder"]
 
 FILE, LOCK = "run.sqlite", "run.lock"
-_FILES = (FILE, f"{FILE}-wal", f"{FILE}-shm")
 FORMAT = "brightgrey/run/1"
 RunState = Literal["unfinished", "finished"]
 _RECORDING = re.compile(r"recording \d+|test recording")
@@ -50,6 +49,9 @@ def _sqlite_errors_named(folder: Path) -> Iterator[None]:
         text = str(error)
         if "full" in text or "disk I/O" in text:
             hint = "make room; the same command then goes on where it stopped"
+            raise RunError(f"cannot keep the run in '{folder}': {text}; {hint}") from error
+        if "locked" in text:
+            hint = "another program reads it; the same command goes on when that has ended"
             raise RunError(f"cannot keep the run in '{folder}': {text}; {hint}") from error
         if "readonly" in text or "unable to open" in text:
             raise RunError(f"cannot keep the run in '{folder}': {text}; it has to be writable") from error
@@ -79,7 +81,6 @@ class Store:
         self._lock, self._database = lock, database
         self._mutex = threading.RLock()
         self._stage: str | None = None
-        self._logged = False  # through a write-ahead log
 
     @classmethod
     def open(
@@ -142,8 +143,7 @@ class Store:
             with suppress(sqlite3.Error):  # the stage is only shown
                 self._write([])
             with suppress(sqlite3.Error):  # without a log beside it, the file can be read from a read-only folder
-                if self._logged:
-                    self._database.execute("PRAGMA journal_mode = DELETE")
+                self._database.execute("PRAGMA journal_mode = DELETE")
             self._database.close()
             self._lock.close()
 
@@ -152,8 +152,8 @@ class Store:
         with self._mutex:
             self._stage = None
             self.close()
-            for name in (*_FILES, LOCK):
-                (self.folder / name).unlink(missing_ok=True)
+            _remove_files(self.folder)
+            (self.folder / LOCK).unlink(missing_ok=True)
             with suppress(OSError):  # the folder holds other files
                 if self._created_folder:
                     self.folder.rmdir()
@@ -183,7 +183,7 @@ class Store:
         RunError
             If it cannot be written.
         """
-        self._append([("evaluations", (key, number, function, subject, float(seconds), result))])
+        self._save([("evaluations", (key, number, function, subject, float(seconds), result))])
 
     def save_generation(self, number: int, state: Mapping[str, Any]) -> None:
         """Store the state of a generation, or compare it with the state that an earlier part of the run has stored.
@@ -197,7 +197,7 @@ class Store:
         with self._mutex:
             row = self._database.execute("SELECT state FROM generations WHERE number = ?", (number,)).fetchone()
         if row is None:
-            self._append([("generations", (number, text))])
+            self._save([("generations", (number, text))])
         elif row[0] != text:
             raise RunError(f"'{self.folder / FILE}': generation {number} is not what it was when the run was begun")
 
@@ -212,20 +212,16 @@ class Store:
         return {str(name): bytes(content) for name, content in rows}
 
     def finish(self, files: Mapping[str, bytes]) -> None:
-        """Store the results and mark the run as finished, in one transaction; all is on the disk when this returns."""
-        rows = [("files", (name, content)) for name, content in files.items()]
-        self._save([*rows, ("facts", ("state", '"finished"'))])
-        with _sqlite_errors_named(self.folder):
-            _write_out(self.folder / FILE)
-
-    def _append(self, rows: Sequence[tuple[str, Sequence[Any]]]) -> None:
-        """Save rows that others will follow: a write-ahead log needs one wait for the disk each, not four."""
+        """Store the results and mark the run as finished, at once; all is on the disk when this returns."""
+        rows = [*(("files", (name, content)) for name, content in files.items()), ("facts", ("state", '"finished"'))]
         with self._mutex, _sqlite_errors_named(self.folder):
-            if not self._logged:
-                self._database.execute("PRAGMA journal_mode = WAL")
-                self._database.execute("PRAGMA synchronous = FULL")
-                self._logged = True
-            self._write(rows)
+            if self._database.execute("SELECT count(*) FROM evaluations").fetchone()[0]:
+                self._write(rows)
+                return
+            request = ("facts", ("request", self.fact("request")))
+            self._database.close()
+            _create(self.folder, [request, *rows])  # a new file is written out once, and not step by step
+            self._database = connect(self.folder, "rw")
 
     def _save(self, rows: Sequence[tuple[str, Sequence[Any]]]) -> None:
         with self._mutex, _sqlite_errors_named(self.folder):
@@ -270,53 +266,65 @@ def _acquire_lock(folder: Path) -> sqlite3.Connection:
     return lock
 
 
-def _create(folder: Path, request: Mapping[str, Any]) -> None:
-    """Make the file under another name and move it, so that it never lacks its request."""
+def _create(folder: Path, rows: Sequence[tuple[str, Sequence[Any]]], *, log: bool = False) -> None:
+    """Make the file under another name and move it: it is there as a whole or not at all.
+
+    With `log`, what is saved later goes through a write-ahead log: one wait for the disk each, not four.
+    """
     aside = folder / f"{FILE}.new"
-    aside.unlink(missing_ok=True)
+    _remove_files(folder, aside.name)
     database = sqlite3.connect(aside)
     try:
-        database.execute("PRAGMA synchronous = OFF")
+        database.execute("PRAGMA synchronous = OFF")  # the whole file is written out below
         with database:
             database.execute("BEGIN")
             for table, columns in _COLUMNS.items():
                 database.execute(f"CREATE TABLE {table} ({columns}, hash TEXT NOT NULL)")
-            _insert(database, "facts", ("format", canonical(FORMAT)))
-            _insert(database, "facts", ("request", canonical(request)))
-            _insert(database, "facts", ("state", canonical("unfinished")))
+            for table, row in [("facts", ("format", canonical(FORMAT))), *rows]:
+                _insert(database, table, row)
+        if log:
+            database.execute("PRAGMA journal_mode = WAL")
         database.close()
         _write_out(aside)
+        _remove_files(folder, keep=True)
         aside.replace(folder / FILE)
+        _write_out(folder)
     finally:
         database.close()
         aside.unlink(missing_ok=True)
 
 
-def _write_out(file: Path) -> None:
-    """Wait until a file is on the disk."""
-    with file.open("rb+") as stream:
-        os.fsync(stream.fileno())
+def _write_out(path: Path) -> None:
+    """Wait until a file is on the disk, or the names in a folder."""
+    if path.is_dir() and os.name == "nt":  # which opens no folder, and needs no such wait
+        return
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
-def _remove_files(folder: Path) -> None:
-    for name in _FILES:
-        (folder / name).unlink(missing_ok=True)
+def _remove_files(folder: Path, name: str = FILE, *, keep: bool = False) -> None:
+    """Remove a file and, before it, what SQLite would play into a new one of its name; or only the latter."""
+    for end in ("-wal", "-shm", "-journal", *([] if keep else [""])):
+        (folder / f"{name}{end}").unlink(missing_ok=True)
 
 
 def _open_database(
     folder: Path, request: Mapping[str, Any], may_replace: Callable[[Mapping[str, Any]], bool]
 ) -> sqlite3.Connection:
     """Open the checked file of the run of `request`; make it if there is none."""
-    fresh = not (folder / FILE).exists()
-    if fresh:
-        _create(folder, request)
+    if not (folder / FILE).exists():
+        state = ("facts", ("state", canonical("unfinished")))
+        _create(folder, [("facts", ("request", canonical(request))), state], log=True)
     database = connect(folder, "rw")
     try:
         facts = checked_facts(folder, database)
         differences = _request_differences(facts["request"], request)
         if not differences:
-            if fresh:
-                database.execute("PRAGMA synchronous = OFF")  # until an evaluation is saved, nothing in it took long
+            database.execute("PRAGMA journal_mode = WAL")
+            database.execute("PRAGMA synchronous = FULL")
             return database
     except BaseException:
         database.close()
