@@ -36,8 +36,10 @@ from brightgrey.version import __version__
 if TYPE_CHECKING:
     from brightgrey.api.differences import ControlDifference
     from brightgrey.api.structure_search import SearchKind, SearchResult
+    from brightgrey.search.evidence import Evidence
     from brightgrey.search.genetic import Progress
     from brightgrey.search.progress import SearchProgress
+    from brightgrey.simulation import Settings
 
 __all__ = ["identify"]
 
@@ -258,6 +260,15 @@ def _traces(fit: Fit, recordings: Sequence[Recording], test: Recording | None) -
     return train, (Trace.of(test, simulated, test=True),)
 
 
+def _differences(
+    evidence: Evidence, recordings: Sequence[Recording], settings: Settings
+) -> tuple[ControlDifference, ...]:
+    """Differences of equivalent structures for control, whose analysis a given structure does not need."""
+    from brightgrey.api.differences import compare_for_control
+
+    return compare_for_control(evidence, recordings, settings)
+
+
 def _assemble_result(
     fit: Fit,
     several: tuple[Recording, ...],
@@ -304,11 +315,6 @@ def _assemble_result(
     else:
         ranking = (row,)
     files, evidence, run = (found.files, found.evidence, found.run) if found else ({}, None, None)
-    apart: tuple[ControlDifference, ...] = ()
-    if evidence:
-        from brightgrey.api.differences import compare_for_control  # with the analysis for control
-
-        apart = compare_for_control(evidence, several, fit.settings)
     return Result(
         model,
         (*train, *unseen),
@@ -319,7 +325,7 @@ def _assemble_result(
         profiles,
         evidence,
         run=run,
-        differences=apart,
+        differences=_differences(evidence, several, fit.settings) if evidence else (),
         checkup=checkup,
         stopped=found is not None and found.stopped,
     )
