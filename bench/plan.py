@@ -6,15 +6,16 @@
     python bench/plan.py limits 0 20           two plans for each of drives 0 to 19, in open and in closed loop
     python bench/plan.py limits-table --save   share of fresh draws of the parameters that keep the limits
 
-The first recording is a careful one: a random motion at 40 % of the torque, or more where friction needs it to reach
-40 % of the speed that the motion has at full torque. A drive counts if it leaves an effect that is there *not
-decidable*; a lag of less than a sample is left out, since no motion lets the search call it needed. The limits are the
-drive's own: what a reversing motion, a chirp and a multisine reach at full torque. The second recording has the same
-length, sensor and noise. It is the planned motion, a chirp, a multisine, or the first motion again, the last three as
-large as the limits allow. Both recordings are identified jointly. An effect is decided rightly if it is *needed* then,
-or *not needed* and smaller than what matters. Its predicted power is the least over the questions between structures
-with and without it. Where all effects have a power below 0.5, only the planned motion is recorded. The drives have up
-to `--masses` masses, and the search offers as many. A plan tries about 150 motions, a tenth of what the command does.
+The first recording is a careful one: a random motion at 40 % of the torque, or more where friction needs it to reach 40
+% of the speed that the motion has at full torque. A drive counts if it leaves an effect that is there *not decidable*;
+a lag of less than a sample is left out, since no motion lets the search call it needed. The limits are the drive's own:
+what a reversing motion, a chirp and a multisine reach at full torque. The second recording has the same length, sensor
+and noise. It is the planned motion, a chirp, a multisine, or the first motion again, the last three as large as the
+limits allow. Both recordings are identified jointly. An effect is decided rightly if it is *needed* then, or *not
+needed* and smaller than what matters. Its predicted power is the least over the questions between structures with and
+without it: between equivalent ones if there are some, else at the least size that matters. Where all effects have a
+power below 0.5, only the planned motion is recorded. The drives have up to `--masses` masses, and the search offers as
+many. A plan tries about 150 motions, a tenth of what the command does.
 """
 
 from __future__ import annotations
