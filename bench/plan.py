@@ -309,25 +309,30 @@ def reliability(rows: Sequence[Mapping]) -> str:
     return picture(draw([Chart("reliability", (panel,))]), "svg").decode()
 
 
+def against_plan(rows: Sequence[Mapping], name: str) -> list[str]:
+    """Share that a motion decides rightly, effects that only the plan or only it decides, and McNemar's exact test."""
+    if not rows:
+        return ["–", "–", "–"]
+    gained = sum(is_right(r, "plan") and not is_right(r, name) for r in rows)
+    lost = sum(is_right(r, name) and not is_right(r, "plan") for r in rows)
+    test = [f"{gained} / {lost}", f"{binomtest(gained, gained + lost).pvalue:.2g}"] if gained + lost else ["–", "–"]
+    return [share_of([is_right(r, name) for r in rows]), *test]
+
+
 def tables(rows: Sequence[Mapping]) -> list[Table]:
     """Shares of effects that are decided rightly with McNemar's exact test against the plan, and of predictions."""
     found = [r for r in rows if "plan" in r]
     compared = [r for r in found if all(name in r for name in CONTESTANTS)]
     sure = [r for r in compared if r["power"] >= PREDICTED]
-    lines = []
-    for name in CONTESTANTS:
-        shares = [share_of([is_right(r, name) for r in some]) if some else "–" for some in (compared, sure)]
-        gained = sum(is_right(r, "plan") and not is_right(r, name) for r in compared)
-        lost = sum(is_right(r, name) and not is_right(r, "plan") for r in compared)
-        p = f"{binomtest(gained, gained + lost).pvalue:.2g}" if name != "plan" and gained + lost else "–"
-        lines.append([name, *shares, f"{gained} / {lost}" if name != "plan" else "–", p])
+    lines = [[name, *against_plan(compared, name), *against_plan(sure, name)] for name in CONTESTANTS]
     bins = []
     for (low, high), within in by_power(rows):
         some = [is_right(r, "plan") for r in within]
         mean = f"{np.mean([r['power'] for r in within]):.2f}" if within else "–"
         bins.append([f"{low:.1f} to {min(high, 1.0):.1f}", str(len(some)), mean, share_of(some) if some else "–"])
     drives = len({r["number"] for r in rows})
-    head = ["a power ≥ 0.5 in the drive", "a power ≥ 0.8", "plan alone / it alone", "McNemar p"]
+    apart = ["plan alone / it alone", "McNemar p"]
+    head = ["a power ≥ 0.5 in the drive", *apart, "a power ≥ 0.8", *apart]
     return [
         Table("Effects that are decided rightly", [f"second recording ({drives} drives)", *head], lines),
         Table(
