@@ -141,14 +141,20 @@ os.kill(os.getpid(), signal.SIGKILL)
             Store.open(tmp_path, REQUEST)
 
 
-def test_read_status__file_that_a_killed_process_left_in_the_middle__is_recovered(tmp_path):
-    """Its log is there and the index of that is not, which a reader that may not write cannot make."""
+@pytest.fixture
+def killed(tmp_path):
+    """Folder as a killed process leaves it: the log is there, and not the index, which a mere reader cannot make."""
+    left = tmp_path / "killed"
+    left.mkdir()
     with Store.open(tmp_path / "run", REQUEST) as store:
         store.save_evaluation("0" * 64, 0, "f", "one_mass", 0.1, text_of(1.0))
-        (tmp_path / "left").mkdir()
         for name in (FILE, f"{FILE}-wal"):
-            shutil.copy(tmp_path / "run" / name, tmp_path / "left" / name)
-    assert read_status(tmp_path / "left").evaluations == 1
+            shutil.copy(tmp_path / "run" / name, left / name)
+    return left
+
+
+def test_read_status__file_that_a_killed_process_left_in_the_middle__is_recovered(killed):
+    assert read_status(killed).evaluations == 1
 
 
 def test_read_status__hot_journal__is_rolled_back(kept):
@@ -253,12 +259,7 @@ def test_store__finished_while_another_program_reads__is_finished(tmp_path, eval
     assert read_status(folder).state == "finished"
 
 
-def test_store__closed_after_a_kill__needs_no_log_to_be_read(tmp_path):
-    with Store.open(tmp_path / "run", REQUEST) as store:
-        store.save_evaluation("0" * 64, 0, "f", "one_mass", 0.1, text_of(1.0))
-        (tmp_path / "killed").mkdir()
-        for name in (FILE, f"{FILE}-wal"):
-            shutil.copy(tmp_path / "run" / name, tmp_path / "killed" / name)
-    with Store.open(tmp_path / "killed", REQUEST) as store:
+def test_store__closed_after_a_kill__needs_no_log_to_be_read(killed):
+    with Store.open(killed, REQUEST) as store:
         assert store.result("0" * 64) == text_of(1.0)
-    assert (tmp_path / "killed" / FILE).read_bytes()[18:20] == b"\x01\x01"  # versions of a file without a log
+    assert (killed / FILE).read_bytes()[18:20] == b"\x01\x01"  # versions of a file without a log
