@@ -6,16 +6,16 @@
     python bench/plan.py limits 0 20           two plans for each of drives 0 to 19, in open and in closed loop
     python bench/plan.py limits-table --save   share of fresh draws of the parameters that keep the limits
 
-The first recording is a careful one: a random motion at 40 % of the torque, or more where friction needs it to reach 40
-% of the speed that the motion has at full torque. A drive counts if it leaves an effect that is there *not decidable*;
-a lag of less than a sample is left out, since no motion lets the search call it needed. The limits are the drive's own:
-what a reversing motion, a chirp and a multisine reach at full torque. The second recording has the same length, sensor
-and noise. It is the planned motion, a chirp, a multisine, or the first motion again, the last three as large as the
-limits allow. Both recordings are identified jointly. An effect is decided rightly if it is *needed* then, or *not
-needed* and smaller than what matters. Its predicted power is the least over the questions between structures with and
-without it: between equivalent ones if there are some, else at the least size that matters. Where all effects have a
-power below 0.5, only the planned motion is recorded. The drives have up to `--masses` masses, and the search offers as
-many. A plan tries about 150 motions, a tenth of what the command does.
+The first recording is a careful one: a random motion at 40 % of the torque, or more where friction needs it to reach
+40 % of the speed that the motion has at full torque. A drive counts if it leaves an effect that is there *not
+decidable*; a lag of less than a sample is left out, since no motion lets the search call it needed. The limits are the
+drive's own: what a reversing motion, a chirp and a multisine reach at full torque. The second recording has the same
+length, sensor and noise. It is the planned motion, a chirp, a multisine, or the first motion again, the last three as
+large as the limits allow. Both recordings are identified jointly. An effect is decided rightly if it is *needed* then,
+or *not needed* and smaller than what matters. Its predicted power is the least over the questions between structures
+with and without it: between equivalent ones if there are some, else at the least size that matters. Where all effects
+have a power below 0.5, only the planned motion is recorded. The drives have up to `--masses` masses, and the search
+offers as many. A plan tries about 150 motions, a tenth of what the command does.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import argparse
 import itertools
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -330,17 +331,32 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
         some = [is_right(r, "plan") for r in within]
         mean = f"{np.mean([r['power'] for r in within]):.2f}" if within else "–"
         bins.append([f"{low:.1f} to {min(high, 1.0):.1f}", str(len(some)), mean, share_of(some) if some else "–"])
-    drives = len({r["number"] for r in rows})
+    drives, masses = len({r["number"] for r in rows}), max(r["masses"] for r in rows)
+    about = f", up to {masses} masses" if masses > 1 else ""
     apart = ["plan alone / it alone", "McNemar p"]
     head = ["a power ≥ 0.5 in the drive", *apart, "a power ≥ 0.8", *apart]
     return [
-        Table("Effects that are decided rightly", [f"second recording ({drives} drives)", *head], lines),
+        Table(f"Effects that are decided rightly{about}", [f"second recording ({drives} drives)", *head], lines),
         Table(
-            "Predicted power and what happened",
+            f"Predicted power and what happened{about}",
             ["predicted power", "effects", "its mean", "decided rightly"],
             bins,
         ),
+        Table(
+            f"Plan and chirp by effect{about}",
+            ["effect", "both", "plan alone", "chirp alone", "neither"],
+            by_effect(compared),
+        ),
     ]
+
+
+def by_effect(rows: Sequence[Mapping]) -> list[list[str]]:
+    """Effects that a plan and a chirp decide rightly, by effect."""
+    lines = []
+    for effect in sorted({r["effect"] for r in rows}):
+        pairs = Counter((is_right(r, "plan"), is_right(r, "chirp")) for r in rows if r["effect"] == effect)
+        lines.append([effect, *(str(pairs[both]) for both in itertools.product((True, False), repeat=2))])
+    return lines
 
 
 def demo_tables() -> list[Table]:
@@ -390,6 +406,7 @@ def main() -> None:
     commands.choices["run"].add_argument("--masses", type=int, default=4, help="largest number of masses")
     for name in ("table", "limits-table", "demo"):
         commands.add_parser(name).add_argument("--save", action="store_true", help="write bench/results/plan.json")
+    commands.choices["table"].add_argument("--diagram", action="store_true", help="draw the reliability diagram, too")
     for one in commands.choices.values():
         one.add_argument("--seed", type=int, default=5)
     given = parser.parse_args()
@@ -407,7 +424,7 @@ def main() -> None:
         publish("plan", [limits_table(read_rows(limits_path))], to_file=given.save)
     else:
         publish("plan", tables(read_rows(path)), to_file=given.save)
-        if given.save:
+        if given.diagram:
             DIAGRAM.write_text(reliability(read_rows(path)), encoding="utf-8")
 
 

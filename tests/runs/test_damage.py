@@ -157,21 +157,26 @@ def test_read_status__file_that_a_killed_process_left_in_the_middle__is_recovere
     assert read_status(killed).evaluations == 1
 
 
-def test_read_status__hot_journal__is_rolled_back(kept):
-    """A transaction was written half: what was there before counts."""
+@pytest.fixture
+def half_written(kept, tmp_path):
+    """Folder of a file beside the journal of a transaction that was written half; SQLite would roll it back."""
     folder, _ = kept
     database = sqlite3.connect(folder / FILE, isolation_level=None)
-    database.execute("PRAGMA journal_mode = DELETE")
     database.execute("PRAGMA cache_size = 1")  # so that changes reach the file before the end
     database.execute("BEGIN IMMEDIATE")
     database.execute("DELETE FROM evaluations")
-    left = folder.parent / "left"
+    left = tmp_path / "half written"
     left.mkdir()
     for name in (FILE, f"{FILE}-journal"):
         shutil.copy(folder / name, left / name)
     database.execute("ROLLBACK")
     database.close()
-    assert read_status(left).evaluations == 60
+    return left
+
+
+def test_read_status__hot_journal__is_rolled_back(half_written):
+    """A transaction was written half: what was there before counts."""
+    assert read_status(half_written).evaluations == 60
 
 
 def test_store__other_request__refused(kept):
@@ -221,23 +226,6 @@ def test_store__different_generation__refused(tmp_path):
             store.save_generation(0, {"random": 2})
 
 
-@pytest.fixture
-def half_written(kept, tmp_path):
-    """Folder of a file beside the journal of a transaction that was written half; SQLite would roll it back."""
-    folder, _ = kept
-    database = sqlite3.connect(folder / FILE, isolation_level=None)
-    database.execute("PRAGMA cache_size = 1")
-    database.execute("BEGIN IMMEDIATE")
-    database.execute("DELETE FROM evaluations")
-    left = tmp_path / "half written"
-    left.mkdir()
-    for name in (FILE, f"{FILE}-journal"):
-        shutil.copy(folder / name, left / name)
-    database.execute("ROLLBACK")
-    database.close()
-    return left
-
-
 def test_store__restart_beside_a_journal__does_not_bring_the_old_run_back(half_written):
     with Store.open(half_written, {**REQUEST, "seed": 1}, restart=True) as store:
         assert store.result("0" * 64) is None
@@ -263,3 +251,22 @@ def test_store__closed_after_a_kill__needs_no_log_to_be_read(killed):
     with Store.open(killed, REQUEST) as store:
         assert store.result("0" * 64) == text_of(1.0)
     assert (killed / FILE).read_bytes()[18:20] == b"\x01\x01"  # versions of a file without a log
+
+
+def test_store__another_program_writes__is_named_and_no_damage(tmp_path):
+    with Store.open(tmp_path, REQUEST) as store:
+        other = sqlite3.connect(tmp_path / FILE, isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(RunError, match="another program holds it"):
+            store.save_evaluation("0" * 64, 0, "f", "one_mass", 0.1, text_of(1.0))
+        other.close()
+        store.save_evaluation("0" * 64, 0, "f", "one_mass", 0.1, text_of(1.0))
+        assert store.result("0" * 64) == text_of(1.0)
+
+
+def test_store__finished_without_evaluations__keeps_generations(tmp_path):
+    with Store.open(tmp_path, REQUEST) as store:
+        store.save_generation(0, {"random": 1})
+        store.finish({"a": b"x"})
+        with pytest.raises(RunError, match="generation 0"):
+            store.save_generation(0, {"random": 2})

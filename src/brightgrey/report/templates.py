@@ -8,7 +8,6 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from pickle import UnpicklingError
 
 from jinja2 import Environment, FileSystemBytecodeCache, PackageLoader, StrictUndefined, Template
 from jinja2.bccache import Bucket
@@ -48,7 +47,7 @@ class _TemplateCache(FileSystemBytecodeCache):
     def load_bytecode(self, bucket: Bucket) -> None:
         try:
             super().load_bytecode(bucket)
-        except (EOFError, OSError, TypeError, ValueError, UnpicklingError):
+        except Exception:  # pickle sets no limit to what damaged data may raise
             bucket.reset()
 
     def dump_bytecode(self, bucket: Bucket) -> None:

@@ -51,7 +51,7 @@ def _sqlite_errors_named(folder: Path) -> Iterator[None]:
             hint = "make room; the same command then goes on where it stopped"
             raise RunError(f"cannot keep the run in '{folder}': {text}; {hint}") from error
         if "locked" in text:
-            hint = "another program reads it; the same command goes on when that has ended"
+            hint = "another program holds it; the same command goes on when that has ended"
             raise RunError(f"cannot keep the run in '{folder}': {text}; {hint}") from error
         if "readonly" in text or "unable to open" in text:
             raise RunError(f"cannot keep the run in '{folder}': {text}; it has to be writable") from error
@@ -215,7 +215,7 @@ class Store:
         """Store the results and mark the run as finished, at once; all is on the disk when this returns."""
         rows = [*(("files", (name, content)) for name, content in files.items()), ("facts", ("state", '"finished"'))]
         with self._mutex, _sqlite_errors_named(self.folder):
-            if self._database.execute("SELECT count(*) FROM evaluations").fetchone()[0]:
+            if self._database.execute("SELECT 1 FROM evaluations UNION SELECT 1 FROM generations").fetchone():
                 self._write(rows)
                 return
             request = ("facts", ("request", self.fact("request")))
