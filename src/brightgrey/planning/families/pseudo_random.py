@@ -26,7 +26,7 @@ def _pseudo_random_motion(x: Array, s: Setting) -> CommandedMotion:
     first = int(x[3] * (len(bits) - 1))
     levels = np.roll(bits, -first)[np.arange(s.samples) // clock % len(bits)]
     slope = s.limits.jerk * s.limits.torque / s.acceleration * s.dt
-    size = log_between(0.03, 0.8, x[4]) * s.limits.torque
+    size = (0.03 + 0.97 * x[4]) * s.limits.torque
     edge = max(int(np.ceil(2.0 * size / slope)), 1)
     torque = size * np.convolve(levels, np.ones(edge) / edge, "full")[: s.samples] * rest_window(s)
     return CommandedMotion(motion, torque, float(x[5]))
