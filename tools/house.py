@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[1]
 SRC = ROOT / "src"
 LISTED = {"library", "formats", "targets"}
 """Folders whose files are found by listing: each file is one more of a kind."""
-FILES, MODULE, BODY, WIDTH, PUBLIC_NAMES, ALL_NAMES, NUMBERS = 16, 400, 50, 120, 20, 60, 100
+FILES, MODULE, BODY, WIDTH, PUBLIC_NAMES, ALL_NAMES, NUMBERS = 16, 400, 50, 120, 20, 60, 60
 QUESTION = re.compile(r"(Whether|What|How|Where|Which|Who)\b")
 NUMBER = re.compile(r"^_?[A-Z][A-Z0-9_]* *(:[^=]*)?= *[-0-9.]")
 

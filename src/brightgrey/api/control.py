@@ -19,7 +19,8 @@ from brightgrey.control.filters.gaussian_sum import gaussian_sum_filter
 from brightgrey.control.filters.setup import PreparedRecording, estimate_noise, prepare
 from brightgrey.control.linear.analysis import Analysis, analyse_system
 from brightgrey.control.linear.margins import Margins
-from brightgrey.control.linear.operating_point import HALF_SPEED, trim_point
+from brightgrey.control.linear.operating_point import trim_point
+from brightgrey.control.policy import ANALYSIS
 from brightgrey.effects import DAMPING, SPEED, STIFFNESS, TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
@@ -173,7 +174,7 @@ def analyse(model: Model, *, speed: float | None = None, contact: str = "forward
     """
     settings = model.settings_si()
     system = assemble(model.structure, model.values_si(), settings.f_tanh, _output_kinds(model))
-    at = HALF_SPEED * settings.speed_scale if speed is None else speed / model.units.of(SPEED)[1]
+    at = ANALYSIS.part_of_speed * settings.speed_scale if speed is None else speed / model.units.of(SPEED)[1]
     return analyse_system(system, speed=at, contact=contact)
 
 
@@ -218,7 +219,7 @@ def design(
     _check_range("computing_time", computing_time, 0.0, 1e3)
     settings, values = model.settings_si(), model.values_si()
     largest_torque = torque / model.units.of(TORQUE)[1]
-    largest_speed, speed = settings.speed_scale, HALF_SPEED * settings.speed_scale
+    largest_speed, speed = settings.speed_scale, ANALYSIS.part_of_speed * settings.speed_scale
     analyses = cascade_models(model)
     state_feedback = design_state_feedback(
         analyse_system(assemble(model.structure, values, settings.f_tanh, ("velocity",)), speed=speed),
@@ -243,7 +244,7 @@ def cascade_models(model: Model) -> tuple[Analysis, ...]:
     settings = model.settings_si()
     both = assemble(model.structure, model.values_si(), settings.f_tanh, ("position", "velocity"))
     contacts = ("forward", "gap") if any(e.limits is not None for e in both.elements) else ("forward",)
-    return tuple(analyse_system(both, speed=HALF_SPEED * settings.speed_scale, contact=c) for c in contacts)
+    return tuple(analyse_system(both, speed=ANALYSIS.part_of_speed * settings.speed_scale, contact=c) for c in contacts)
 
 
 def _check_range(name: str, value: float, least: float, largest: float) -> None:

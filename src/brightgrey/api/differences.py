@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from brightgrey.control.linear.model_differences import FrequencyBand, ModelFigures, excited_band, model_figures
-from brightgrey.control.linear.operating_point import HALF_SPEED
+from brightgrey.control.policy import ANALYSIS
 from brightgrey.effects import TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace, Structure, assemble
@@ -63,14 +63,14 @@ def compare_for_control(
         own = {name: refined.values[name] for name in refined.structure.parameters}
         system = assemble(refined.structure, own, settings.f_tanh, outputs)
         try:
-            model_figures([system], HALF_SPEED * settings.speed_scale, settings.f_tanh, band)
+            model_figures([system], ANALYSIS.part_of_speed * settings.speed_scale, settings.f_tanh, band)
         except SettingsError:
             continue
         comparable.append((refined, system))
     if len(comparable) < 2:
         return ()
     found = model_figures(
-        [system for _, system in comparable], HALF_SPEED * settings.speed_scale, settings.f_tanh, band
+        [system for _, system in comparable], ANALYSIS.part_of_speed * settings.speed_scale, settings.f_tanh, band
     )
     minimal = {j.structure for j in evidence.minimal}
     return tuple(

@@ -13,9 +13,9 @@ from brightgrey.arrays import Array
 from brightgrey.errors import RecordingError, nearest, printable
 from brightgrey.recordings.formats import file_formats
 from brightgrey.recordings.formats.delimited import read_delimited
-from brightgrey.recordings.formats.file_format import FIRST_BYTES
 from brightgrey.recordings.formats.table import Table
 from brightgrey.recordings.formats.text import GZIP, unpacked_start
+from brightgrey.recordings.policy import READING
 from brightgrey.recordings.units.parser import is_unit
 
 __all__ = ["open_table"]
@@ -136,6 +136,6 @@ def _first_bytes(path: Path) -> bytes:
         if not path.is_file():
             raise RecordingError(f"{path}: this is a device or a pipe, not a file")
         with path.open("rb") as file:
-            return file.read(FIRST_BYTES)
+            return file.read(READING.first_bytes)
     except OSError as error:
         raise RecordingError(f"{name}: the file cannot be read ({error.strerror})") from error

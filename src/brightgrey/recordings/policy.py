@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["READING", "ReadingPolicy"]
+__all__ = ["INSPECTION", "READING", "InspectionPolicy", "ReadingPolicy"]
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,53 @@ class ReadingPolicy:
     """A matrix with more columns than this, and more rows, is not read as a table."""
     listed_columns: int = 30
     """Column names that one error message lists."""
+    first_bytes: int = 1 << 16
+    """Bytes of a file by which its format is recognised."""
+    bytes_per_block: int = 1 << 20
+    """Bytes of a text file that are decoded at one time."""
+    longest_number: int = 400
+    """Characters of a field from which it is no number: 1e308 with all its digits and some decimals is shorter."""
+    longest_header: int = 1000
+    """Characters of a column's header from which no unit is looked for in it."""
+    longest_statement: int = 200
+    """Characters of a line from which it states no sampling interval."""
+    longest_remark: int = 300
+    """Characters of a remark or an error of a library for a file format that are shown."""
+    most_remarks: int = 3
+    """Remarks of such a library that are shown."""
+    many_levels: int = 10
+    """Levels of a channel of whole numbers that show a factor beyond chance."""
 
 
 READING = ReadingPolicy()
 """The limits that every reader uses."""
+
+
+@dataclass(frozen=True)
+class InspectionPolicy:
+    """Numbers by which channels of an unknown file are compared and proposed."""
+
+    drawn: int = 720
+    """Points of a course that are kept for drawing."""
+    most_columns: int = 500
+    """Columns of a file that are profiled; a file with more is no recording of a drive."""
+    points: int = 2000
+    """Points that a channel is averaged to before channels are compared."""
+    compared: int = 60
+    """Channels that are compared with each other."""
+    derivative: float = 0.95
+    """Correlation from which one channel is the derivative of another."""
+    same: float = 0.98
+    """Correlation from which two channels are setpoint and actual value of one quantity."""
+    delayed: float = 0.7
+    """Correlation of the difference of two channels with their slope from which one is the other, delayed."""
+    smoother: float = 0.5
+    """Noise of a setpoint, as a part of that of the actual value."""
+    tried: int = 40
+    """Inputs, and outputs, whose pairs are compared."""
+    nearly: float = 0.9
+    """Part of the best explanation from which a pair of channels is as good."""
+
+
+INSPECTION = InspectionPolicy()
+"""The numbers that every inspection uses."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from brightgrey.api.fleet.outliers import CHANCE, compare
+from brightgrey.api.fleet.outliers import OUTLIERS, compare
 
 FAMILIES = 30
 
@@ -24,7 +24,7 @@ def test_a_healthy_family_is_rarely_suspected(size, spread, error):
         found = compare(family(np.random.default_rng(seed), size, spread, error), seed=seed)
         alarms += any(c.different.any() for c in found.values())
     # More than 6 of 30 have a probability of 6e-4 at a rate of 5 %.
-    assert CHANCE == 0.05
+    assert OUTLIERS.chance == 0.05
     assert alarms <= 6
 
 

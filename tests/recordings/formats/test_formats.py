@@ -13,7 +13,7 @@ from brightgrey.errors import RecordingError, SettingsError
 from brightgrey.recordings import read_recording, recording_from
 from brightgrey.recordings.file import open_table
 from brightgrey.recordings.formats import file_formats
-from brightgrey.recordings.formats.file_format import FIRST_BYTES
+from brightgrey.recordings.policy import READING
 
 N = 40
 T = np.arange(N) * 1e-3
@@ -40,7 +40,7 @@ NEITHER = {
 
 @pytest.mark.parametrize("start", SAMPLES.values(), ids=SAMPLES)
 def test_file_formats__file_of_one_format__is_recognised_by_that_alone(start: bytes) -> None:
-    assert sum(known.recognises(start[:FIRST_BYTES]) for known in file_formats()) == 1
+    assert sum(known.recognises(start[: READING.first_bytes]) for known in file_formats()) == 1
 
 
 @pytest.mark.parametrize("start", NEITHER.values(), ids=NEITHER)

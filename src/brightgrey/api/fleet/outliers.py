@@ -10,12 +10,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from brightgrey.arrays import Array
 
-__all__ = ["CHANCE", "FEWEST", "Compared", "compare"]
+__all__ = ["OUTLIERS", "Compared", "OutlierPolicy", "compare"]
 
-CHANCE = 0.05  # that any sibling of a healthy family is called different
-FEWEST = 4  # siblings that can be compared
-_DRAWS = 4_000
-_SPREADS = (0.0, 0.5, 1.0, 2.0, 4.0, 1e3)  # of the siblings, over their median error
+
+@dataclass(frozen=True)
+class OutlierPolicy:
+    """Numbers of the comparison of equal machines."""
+
+    chance: float = 0.05  #: That any sibling of a healthy family is called different.
+    fewest: int = 4  #: Siblings that can be compared.
+    draws: int = 4_000  #: Of healthy families.
+    spreads: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0, 1e3)  #: Of the siblings, over their median error.
+
+
+OUTLIERS = OutlierPolicy()
 _MAD_TO_STD = 1.4826  # standard deviation of normal numbers over their median absolute deviation
 
 
@@ -29,7 +37,8 @@ class Compared:
         From the median, in units of the siblings' robust spread and the value's own standard deviation together; not a
         number where there is none.
     threshold : float
-        That the largest deviation of a healthy family exceeds by chance, with this quantity's part of `CHANCE`.
+        That the largest deviation of a healthy family exceeds by chance, with this quantity's part of
+        `OutlierPolicy.chance`.
     median : float
     """
 
@@ -44,7 +53,7 @@ class Compared:
 
 
 def compare(
-    quantities: Mapping[str, tuple[ArrayLike, ArrayLike]], *, chance: float = CHANCE, seed: int = 0
+    quantities: Mapping[str, tuple[ArrayLike, ArrayLike]], *, chance: float = OUTLIERS.chance, seed: int = 0
 ) -> dict[str, Compared]:
     """Compare siblings by several quantities.
 
@@ -67,10 +76,14 @@ def compare(
     Returns
     -------
     dict of str to Compared
-        Of the quantities that at least `FEWEST` siblings have.
+        Of the quantities that at least `OutlierPolicy.fewest` siblings have.
     """
     pairs = {name: _arrays(*pair) for name, pair in quantities.items()}
-    usable = {name: pair for name, pair in pairs.items() if np.count_nonzero(np.isfinite(pair[0] + pair[1])) >= FEWEST}
+    usable = {
+        name: pair
+        for name, pair in pairs.items()
+        if np.count_nonzero(np.isfinite(pair[0] + pair[1])) >= OUTLIERS.fewest
+    }
     share = 1.0 - (1.0 - chance) ** (1.0 / max(len(usable), 1))
     out = {}
     for number, (name, (x, s)) in enumerate(usable.items()):
@@ -85,11 +98,11 @@ def compare(
 
 def _threshold(s: Array, chance: float, rng: np.random.Generator) -> float:
     """Threshold that the largest deviation of siblings with errors `s` exceeds with probability `chance` at most."""
-    normal = rng.standard_normal((_DRAWS, s.size))
-    errors = rng.standard_normal((_DRAWS, s.size)) * s
+    normal = rng.standard_normal((OUTLIERS.draws, s.size))
+    errors = rng.standard_normal((OUTLIERS.draws, s.size)) * s
     size = float(np.median(s)) or 1.0
     limits = []
-    for spread in _SPREADS:
+    for spread in OUTLIERS.spreads:
         largest = np.abs(_deviations(spread * size * normal + errors, s)[0]).max(axis=1)
         limits.append(float(np.quantile(largest, 1.0 - chance)))
     return max(limits)

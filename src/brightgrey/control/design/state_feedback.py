@@ -16,8 +16,9 @@ from scipy import signal
 from scipy.linalg import LinAlgError, solve_continuous_are
 
 from brightgrey.arrays import Array
-from brightgrey.control.linear.analysis import AXIS_TOLERANCE, Analysis
+from brightgrey.control.linear.analysis import Analysis
 from brightgrey.control.linear.margins import Compensator, Margins, stability_margins
+from brightgrey.control.policy import ANALYSIS
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear
 
@@ -67,7 +68,7 @@ def lqr(A: Array, B: Array, Q: Array, R: Array) -> FeedbackGain:
         raise SettingsError(f"the Riccati equation has no stabilising solution ({error})") from None
     K = np.asarray(np.linalg.solve(np.atleast_2d(R), B.T @ P), float)
     poles = np.asarray(np.linalg.eigvals(A - B @ K), complex)
-    if np.any(poles.real >= -AXIS_TOLERANCE * np.abs(poles).max()):
+    if np.any(poles.real >= -ANALYSIS.axis_tolerance * np.abs(poles).max()):
         raise SettingsError(
             "the Riccati equation has no stabilising solution: a mode is not controllable or has no weight"
         )

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brightgrey.arrays import Array
+from brightgrey.control.policy import ANALYSIS
 from brightgrey.effects import Law
 from brightgrey.kit import StateSpace
 
@@ -27,9 +28,6 @@ __all__ = [
     "matrix_exponential",
     "propagate_states",
 ]
-
-TAYLOR_ORDER = 8
-TAYLOR_MAX_NORM = 0.3  # of the scaled matrix: the remainder is below 1e-10
 
 
 @dataclass(frozen=True)
@@ -266,12 +264,12 @@ def _equal_steps(
 def matrix_exponential(M: Array) -> Array:
     """Matrix exponentials, shape (K, m, m), by scaling, Taylor series and squaring; each matrix is scaled alone."""
     size = np.abs(M).sum(axis=2).max(axis=1)
-    halvings = np.ceil(np.log2(np.maximum(size / TAYLOR_MAX_NORM, 1.0)))
+    halvings = np.ceil(np.log2(np.maximum(size / ANALYSIS.taylor_norm, 1.0)))
     halvings = np.where(np.isfinite(halvings), halvings, 0.0).astype(int)
     scaled = M / 2.0 ** halvings[:, None, None]
     one = np.eye(M.shape[1])
-    E = one + scaled / TAYLOR_ORDER
-    for k in range(TAYLOR_ORDER - 1, 0, -1):
+    E = one + scaled / ANALYSIS.taylor_order
+    for k in range(ANALYSIS.taylor_order - 1, 0, -1):
         E = one + scaled @ E / k
     for i in range(int(halvings.max(initial=0))):
         again = halvings > i

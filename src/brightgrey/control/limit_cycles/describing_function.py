@@ -22,6 +22,7 @@ from brightgrey.control.dry_friction import sliding
 from brightgrey.control.limit_cycles.harmonic_balance import GapLoop, HarmonicBalanceOptions, harmonic_balance
 from brightgrey.control.linear.margins import Compensator
 from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
+from brightgrey.control.policy import ANALYSIS
 from brightgrey.effects import Element
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
@@ -51,7 +52,6 @@ class LimitCycleOptions:
 
 
 LIMIT_CYCLES = LimitCycleOptions()
-QUADRATURE_POINTS = 128  # over a quarter of a period
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def describing_function(element: Element, amplitude: Array) -> Array:
         Above 0, any shape.
     """
     element = sliding(element)
-    points = QUADRATURE_POINTS
+    points = ANALYSIS.quadrature_points
     angle = (np.arange(points) + 0.5) * (0.5 * np.pi / points)  # a quarter of the period, because the law is odd
     # Denser at the zero crossing, where friction reverses within a small part of the period.
     angle = 0.5 * np.pi * (1.0 - (1.0 - angle / (0.5 * np.pi)) ** 3)

@@ -27,12 +27,11 @@ from brightgrey.control.linear.margins import (
 from brightgrey.control.linear.operating_point import OperatingPoint, contact_mode, trim_point
 from brightgrey.control.linear.python_control import state_space
 from brightgrey.control.linear.twist_coordinates import TwistModel, to_twist_coordinates
+from brightgrey.control.policy import ANALYSIS
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear, StateSpace
 
 __all__ = ["Analysis", "OscillatoryMode", "analyse_system", "invariant_zeros", "oscillatory_modes"]
-
-AXIS_TOLERANCE = 1e-9  # of the fastest pole: a pole nearer to the imaginary axis counts as on it
 
 
 class OscillatoryMode(NamedTuple):
@@ -83,7 +82,7 @@ class Analysis:
     @property
     def stability(self) -> Literal["stable", "marginal", "unstable"]:
         """Stability of the drive; ``marginal`` is a pole on the imaginary axis, an integrator, and none beyond it."""
-        edge = AXIS_TOLERANCE * max(1.0, float(np.abs(self.poles).max(initial=0.0)))
+        edge = ANALYSIS.axis_tolerance * max(1.0, float(np.abs(self.poles).max(initial=0.0)))
         largest = float(self.poles.real.max(initial=-np.inf))
         return "unstable" if largest > edge else "marginal" if largest >= -edge else "stable"
 

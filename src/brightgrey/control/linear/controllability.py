@@ -14,11 +14,10 @@ import numpy as np
 from scipy.linalg import matrix_balance
 
 from brightgrey.arrays import Array
+from brightgrey.control.policy import ANALYSIS
 from brightgrey.kit import Linear
 
 __all__ = ["Controllability", "controllability", "minimal_realisation", "observability"]
-
-KRYLOV_TOLERANCE = 1e-10  # remainder of a Krylov direction, relative to A, that counts as zero
 
 
 class Controllability(NamedTuple):
@@ -105,7 +104,7 @@ def _krylov_basis(A: Array, B: Array) -> Array:
         for _ in range(2):  # twice, against cancellation
             block = block - basis @ (basis.T @ block)
         U, s, _ = np.linalg.svd(block, full_matrices=False)
-        new = U[:, s > KRYLOV_TOLERANCE]
+        new = U[:, s > ANALYSIS.krylov_tolerance]
         if not new.shape[1]:
             break
         basis = np.hstack([basis, new])

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from brightgrey.arrays import Array, Complex
+from brightgrey.control.policy import ANALYSIS
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear
 
@@ -23,9 +24,6 @@ __all__ = [
     "open_loop",
     "stability_margins",
 ]
-
-POINTS_PER_DECADE = 200  # of a frequency grid
-PADE_ORDER = 6  # of the dead time in the poles of a closed loop
 
 
 @dataclass(frozen=True)
@@ -134,7 +132,7 @@ def frequency_grid(roots: Sequence[complex], top: float | None = None) -> Array:
     low, high = (max(min(sizes) * 1e-3, 1e-9 * max(sizes)), max(sizes) * 1e2) if sizes else (1e-2, 1e4)
     high = top or high
     low = min(low, high * 1e-4)
-    grid = [np.geomspace(low, high, int(POINTS_PER_DECADE * math.log10(high / low)))]
+    grid = [np.geomspace(low, high, int(ANALYSIS.points_per_decade * math.log10(high / low)))]
     for r in roots:
         center, width = abs(r.imag), max(abs(r.real), 1e-6 * abs(r.imag))
         if center > 0.0:
@@ -234,7 +232,7 @@ def _poles_of_closed(loop: Linear, dead_time: float) -> Complex:
 
 def _pade(dead_time: float) -> Compensator:
     """Padé approximation of a dead time."""
-    n = PADE_ORDER
+    n = ANALYSIS.pade_order
     c = [
         math.factorial(2 * n - k) / (math.factorial(k) * math.factorial(n - k)) * dead_time**k for k in range(n, -1, -1)
     ]

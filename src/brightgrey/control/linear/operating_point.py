@@ -16,6 +16,7 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.control.dry_friction import sliding
 from brightgrey.control.linear.twist_coordinates import TwistModel
+from brightgrey.control.policy import ANALYSIS
 from brightgrey.effects import Element
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.kit import Linear, StateSpace
@@ -24,9 +25,6 @@ __all__ = ["CONTACTS", "Contact", "ContactMode", "OperatingPoint", "contact_mode
 
 Contact = Literal["forward", "backward", "gap"]
 CONTACTS: tuple[Contact, ...] = get_args(Contact)
-MAX_NEWTON_STEPS = 20
-HALF_SPEED = 0.5  # of the largest speed: where a model is linearised unless told otherwise
-BALANCE_TOLERANCE = 1e-8  # residual of a steady motion, relative to the largest term of the balance
 
 
 @dataclass(frozen=True)
@@ -166,7 +164,7 @@ def trim_point(mode: ContactMode, speed: float = 0.0, acceleration: float = 0.0)
     wanted[speeds] = acceleration
     z, u = mode.nominal_state(speed), 0.0
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused below
-        for _ in range(MAX_NEWTON_STEPS):
+        for _ in range(ANALYSIS.most_newton_steps):
             miss = (wanted - mode.derivative(z, u))[rows]
             slope = mode.jacobian(z, u)
             M = np.column_stack([slope.A[np.ix_(rows, free)], slope.B[rows, 0]])
@@ -179,7 +177,7 @@ def trim_point(mode: ContactMode, speed: float = 0.0, acceleration: float = 0.0)
         miss = np.abs((wanted - mode.derivative(z, u))[rows])
         slope = mode.jacobian(z, u)
         terms = np.abs(slope.A[rows]) @ np.abs(z) + np.abs(slope.B[rows, 0] * u) + abs(acceleration)
-    if not np.all(miss <= BALANCE_TOLERANCE * terms.max(initial=1e-300)):
+    if not np.all(miss <= ANALYSIS.balance_tolerance * terms.max(initial=1e-300)):
         raise SettingsError(
             f"no steady motion at speed {speed:g} and acceleration {acceleration:g} (SI) with contact "
             f"'{mode.contact}': no torque reaches the load; choose contact 'forward' or 'backward'"

@@ -24,12 +24,22 @@ __all__ = [
     "times_autocovariance",
 ]
 
-_RELATIVE_VARIANCE_FLOOR = 1e-14  # of a signal's power; a smaller innovation is rounding of a pure line
-_COVARIANCE_FLOOR = 1e-12  # the same, found from autocovariances, whose rounding it amplifies
-_DIRECT_LAGS = 64  # up to so many lags, sums lag by lag are faster than a Fourier transform
-_SPECTRUM_LENGTH = 8  # times the lags of an autocovariance, at first
-_LONGEST_SPECTRUM = 2**21
-_WRAPPED = 1e-3  # largest relative change of the variance by a spectrum twice as long: what wraps around has decayed
+
+@dataclass(frozen=True)
+class _Policy:
+    """Numbers of autoregressions."""
+
+    #: Of a signal's power; a smaller innovation is rounding of a pure line.
+    relative_variance_floor: float = 1e-14
+    covariance_floor: float = 1e-12  #: The same, found from autocovariances, whose rounding it amplifies.
+    direct_lags: int = 64  #: Up to so many lags, sums lag by lag are faster than a Fourier transform.
+    spectrum_length: int = 8  #: Times the lags of an autocovariance, at first,
+    longest_spectrum: int = 2**21  #: and at most.
+    #: Largest relative change of the variance by a spectrum twice as long: what wraps around has decayed.
+    wrapped: float = 1e-3
+
+
+POLICY = _Policy()
 
 
 @dataclass(frozen=True)
@@ -62,12 +72,12 @@ class Autoregression:
 
     def autocovariance(self, count: int) -> Array:
         """Autocovariance of e at lags 0 to ``count - 1``."""
-        length = next_fast_len(_SPECTRUM_LENGTH * max(count, len(self.a)), real=True)
+        length = next_fast_len(POLICY.spectrum_length * max(count, len(self.a)), real=True)
         c = self._wrapped_autocovariance(length)
-        while 4 * length <= _LONGEST_SPECTRUM:
+        while 4 * length <= POLICY.longest_spectrum:
             shorter, length = c, next_fast_len(2 * length, real=True)
             c = self._wrapped_autocovariance(length)
-            if abs(c[0] - shorter[0]) <= _WRAPPED * c[0]:
+            if abs(c[0] - shorter[0]) <= POLICY.wrapped * c[0]:
                 break
         return np.asarray(c[:count])
 
@@ -118,7 +128,7 @@ class Autoregression:
             delays = np.exp(-2j * np.pi * np.arange(len(response)) / length)[:, None] ** np.arange(1, self.order + 1)
             slopes = -2.0 * (delays / response[:, None]).real.T @ (share / total)
             column = self.autocovariance(n)[: self.order] / self.variance
-            column[0] *= 1.0 + _RELATIVE_VARIANCE_FLOOR
+            column[0] *= 1.0 + POLICY.relative_variance_floor
             inverse = solve_toeplitz(column, slopes)
             log_variance = log_variance + np.maximum(np.sum(slopes * inverse, axis=0), 0.0) / n
         return total * self.variance * 2.0 / length, log_variance
@@ -143,7 +153,7 @@ def burg(x: Array, highest: int) -> list[Autoregression]:
         forward, backward = forward[1:], backward[:-1]
         size = float(forward @ forward + backward @ backward)
         reflection = -2.0 * float(forward @ backward) / size if size > 0.0 else 0.0
-        least = min(_RELATIVE_VARIANCE_FLOOR * found[0].variance / variance, 1.0) if variance > 0.0 else 1.0
+        least = min(POLICY.relative_variance_floor * found[0].variance / variance, 1.0) if variance > 0.0 else 1.0
         explained = 1.0 - reflection**2 <= least
         if explained:
             reflection = float(np.copysign(np.sqrt(1.0 - least), reflection))
@@ -180,7 +190,7 @@ def levinson(c: Array) -> Autoregression | None:
     a, variance = np.ones(1), float(c[0])
     for m in range(1, len(c)):
         reflection = -float(a @ c[m:0:-1]) / variance
-        if not variance * (1.0 - reflection**2) > _COVARIANCE_FLOOR * c[0]:
+        if not variance * (1.0 - reflection**2) > POLICY.covariance_floor * c[0]:
             return None
         a = np.append(a, 0.0)
         a = a + reflection * a[::-1]
@@ -202,7 +212,7 @@ def times_autocovariance(c: Array, X: Array) -> Array:
 def lag_sums(X: Array, Y: Array, count: int) -> Array:
     """Sums ``sum_t sum_p X[t, p] Y[t + k, p]`` for lags k from 0 to ``count - 1``, shape (count,)."""
     n = len(X)
-    if count <= _DIRECT_LAGS:
+    if count <= POLICY.direct_lags:
         return np.array([np.einsum("tp,tp->", X[: n - k], Y[k:]) for k in range(count)])
     length = next_fast_len(2 * n, real=True)
     product = np.conj(rfft(X, length, axis=0)) * rfft(Y, length, axis=0)

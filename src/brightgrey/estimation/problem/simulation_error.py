@@ -30,9 +30,18 @@ from brightgrey.simulation import Settings, response, squares
 
 __all__ = ["SimulationErrorProblem", "predict_many", "system_for", "systems"]
 
-_MIN_TRUNCATED_SAMPLES = 100
-_DIVERGED_RESIDUAL = 10.0  # in standard deviations of the output
-_MIN_RELATIVE_NOISE = 1e-3  # of the output's standard deviation, so that a fine sensor does not silence the others
+
+@dataclass(frozen=True)
+class _Policy:
+    """Numbers of the residuals."""
+
+    min_truncated_samples: int = 100  #: Of the first part of a recording.
+    diverged_residual: float = 10.0  #: In standard deviations of the output.
+    #: Noise over the output's standard deviation, so that a fine sensor does not silence the others.
+    min_relative_noise: float = 1e-3
+
+
+POLICY = _Policy()
 
 
 def predict_many(
@@ -125,7 +134,7 @@ def _truncated(recording: Recording, share: float) -> Recording:
     size, change = np.abs(r.u), np.abs(np.diff(r.u, prepend=r.u[0]))
     work = np.cumsum(size / positive(size.sum()) + change / positive(change.sum()))
     samples = int(np.searchsorted(work, share * work[-1])) + 1
-    samples = int(np.clip(samples, min(_MIN_TRUNCATED_SAMPLES, r.samples), r.samples))
+    samples = int(np.clip(samples, min(POLICY.min_truncated_samples, r.samples), r.samples))
     return replace(r, t=r.t[:samples], u=r.u[:samples], y=r.y[:, :samples])
 
 
@@ -190,7 +199,7 @@ class SimulationErrorProblem:
         """
         noise = np.median([output_noise(r) for r in recordings], axis=0)
         spread = np.max([r.y.std(axis=1) for r in recordings], axis=0)
-        floor = np.maximum(noise, _MIN_RELATIVE_NOISE * spread)
+        floor = np.maximum(noise, POLICY.min_relative_noise * spread)
         tags = [f"#{k + 1}" if len(recordings) > 1 else "" for k in range(len(recordings))]
         limited = _limited_states(structure)
         states = tuple(
@@ -332,7 +341,8 @@ class SimulationErrorProblem:
     def _diverged_residual(self) -> tuple[Array, ...]:
         """Weighted residual of a simulation that has diverged, shape (outputs,), of each recording."""
         return tuple(
-            np.asarray(np.maximum(_DIVERGED_RESIDUAL * r.y.std(axis=1) * self.weights, 1.0)) for r in self.recordings
+            np.asarray(np.maximum(POLICY.diverged_residual * r.y.std(axis=1) * self.weights, 1.0))
+            for r in self.recordings
         )
 
     def truncated(self, share: float) -> SimulationErrorProblem:

@@ -23,13 +23,10 @@ import numpy as np
 
 from brightgrey.errors import RecordingError, printable
 from brightgrey.recordings.formats.channels import Channel, Channels
+from brightgrey.recordings.policy import READING
 
 __all__ = ["Library", "read_in_child"]
 
-MESSAGE = 300
-"""Characters of a library's error that are shown."""
-REMARKS = 3
-"""Warnings of a library that are shown."""
 MEGABYTE = 1 << 20
 
 
@@ -125,13 +122,13 @@ def run() -> None:
     logging.getLogger().addHandler(said)
     try:
         found = extract(Path(path))
-        _save(replace(found, notes=tuple(dict.fromkeys(said.texts))[:REMARKS]), Path(result))
+        _save(replace(found, notes=tuple(dict.fromkeys(said.texts))[: READING.most_remarks]), Path(result))
     except MemoryError:
         _fail(result, f"it takes more than {int(memory) // MEGABYTE} MB of memory")
     except Exception as error:
         # The errors of libraries for a damaged file are not documented.
         lines = str(error).splitlines()
-        _fail(result, (lines[0] if lines else type(error).__name__)[:MESSAGE])
+        _fail(result, (lines[0] if lines else type(error).__name__)[: READING.longest_remark])
 
 
 class _Remarks(logging.Handler):
@@ -144,7 +141,7 @@ class _Remarks(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Keep a warning."""
         text = printable(record.getMessage().partition("\n")[0])
-        self.texts.append(f"{record.name.partition('.')[0]} remarks: {text[:MESSAGE]}")
+        self.texts.append(f"{record.name.partition('.')[0]} remarks: {text[: READING.longest_remark]}")
 
 
 def _fail(result: str, reason: str) -> None:

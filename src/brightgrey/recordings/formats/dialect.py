@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.recordings.policy import READING
 from brightgrey.recordings.units.parser import is_unit
 
 __all__ = ["DELIMITERS", "MISSING", "Dialect", "dialects", "find_dialect", "with_thousands"]
@@ -37,8 +38,6 @@ NUMBERS = {
 INFINITE = re.compile(r"(?P<sign>[+-]?)(?:inf(?:inity)?|∞|1[.]#INF)", re.IGNORECASE)
 # Begins with a letter, in brackets or not, and has no digit but in exponents: "s 1" is the field of another delimiter.
 UNIT = re.compile(r"[(\[]?[^\W\d_eE](?:[^\d\s]|(?<=\S)\d|\s(?![+−-]?\d))*|[(\[]?[%°‰].{0,3}|-")
-LONGEST_NUMBER = 400
-"""Characters of the longest number: 1e308 with all its digits and some decimals."""
 # Thousands marks that are nothing else; a plain space is one beside semicolons only.
 BLANKS = " \u00a0\u202f"
 SURE_MARKS = "'’" + BLANKS
@@ -81,12 +80,12 @@ class Dialect:
 
     def unit_behind(self, field: str) -> str:
         """Return the unit behind the number of a field, empty if there is none."""
-        match = NUMBERS[self.decimal].match(field) if len(field) < LONGEST_NUMBER else None
+        match = NUMBERS[self.decimal].match(field) if len(field) < READING.longest_number else None
         unit = field[match.end() :].strip() if match else ""
         return unit if UNIT.fullmatch(unit) and is_unit(unit.strip("()[]")) else ""
 
     def _is_plain(self, field: str) -> bool:
-        if len(field) > LONGEST_NUMBER:
+        if len(field) > READING.longest_number:
             return False
         if self.thousands and self.thousands in field:
             return bool(self._grouped.fullmatch(field))

@@ -8,10 +8,7 @@ from pathlib import Path
 
 from brightgrey.recordings.formats.table import Table
 
-__all__ = ["FIRST_BYTES", "FileFormat"]
-
-FIRST_BYTES = 1 << 16
-"""Length of the start of a file that `FileFormat.recognises` is given."""
+__all__ = ["FileFormat"]
 
 
 @dataclass(frozen=True)

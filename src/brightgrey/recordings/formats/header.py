@@ -10,6 +10,7 @@ import numpy as np
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.dialect import DELIMITERS, MISSING, Dialect
 from brightgrey.recordings.formats.table import TIME_NAME, Column, skipped_rows
+from brightgrey.recordings.policy import READING
 from brightgrey.recordings.units.parser import is_unit, parse_unit
 
 __all__ = ["Lines", "column_of", "header_comment", "named_columns", "split_header"]
@@ -25,8 +26,6 @@ HEADER_UNITS = (
 HEADER_FIELD = re.compile(r'"[^"]*"|[^\s\[(]+\s*(?:\[[^\]]*\]|\([^)]*\))|\S+')
 # Word before the names in a comment, or before the units in their row.
 CAPTION_WORD = re.compile(r"(columns?|fields?|names?|units?|einheit(en)?|spalten?)\s*:?", re.IGNORECASE)
-LONGEST_HEADER = 1000
-"""Characters of the longest header that is searched for a unit."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +141,7 @@ def split_header(line: str, dialect: Dialect, width: int) -> list[str]:
 
 def column_of(header: str) -> Column:
     """Return the column with the unit in its header; an index (``axis[1]``) or a remark is part of the name."""
-    for pattern in HEADER_UNITS if len(header) < LONGEST_HEADER else ():
+    for pattern in HEADER_UNITS if len(header) < READING.longest_header else ():
         match = pattern.fullmatch(header)
         written = match["unit"] if match else ""
         unit = written.removeprefix("/").strip()

@@ -12,6 +12,7 @@ from brightgrey.arrays import Array
 from brightgrey.recordings.formats.dialect import Dialect
 from brightgrey.recordings.formats.header import Lines
 from brightgrey.recordings.formats.table import Column, Table
+from brightgrey.recordings.policy import READING
 from brightgrey.recordings.units.parser import is_unit, parse_unit
 
 __all__ = ["StatedInterval", "stated_interval", "with_interval"]
@@ -31,7 +32,6 @@ RATE = re.compile(r"(?P<prefix>[kKM]?)(?:[Hh][Zz]|Hertz|(?:S|Sa|[Ss]amples?)/s(?
 PREFIXES = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6}
 SHORTEST, LONGEST = 1e-7, 1.0
 """Intervals in s: one that is longer is the duration of a recording."""
-LONGEST_LINE = 200
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def stated_interval(lines: Lines, dialect: Dialect) -> StatedInterval | None:
     if any(map(THINNED.search, lines.text)):
         return None
     for text, row in zip(lines.text, lines.rows, strict=True):
-        match = STATEMENT.match(text) if len(text) < LONGEST_LINE else None
+        match = STATEMENT.match(text) if len(text) < READING.longest_statement else None
         if match is None:
             continue
         number = match["number"].rstrip(",.;")

@@ -24,7 +24,6 @@ GZIP = b"\x1f\x8b"
 UNKNOWN_ENCODING = "latin-1"
 """Stands for an encoding that is not known: each byte is a letter, and digits are what they are in all of them."""
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-BLOCK = 1 << 20
 SPACES = b" \t\r\x0b\x0c\xef\xbb\xbf"
 
 
@@ -164,8 +163,8 @@ def _encoding(data: bytes) -> str:
     for encoding in ("utf-8", "cp1252"):
         decoder = codecs.getincrementaldecoder(encoding)()
         try:
-            for at in range(0, len(data), BLOCK):
-                decoder.decode(data[at : at + BLOCK], final=at + BLOCK >= len(data))
+            for at in range(0, len(data), READING.bytes_per_block):
+                decoder.decode(data[at : at + READING.bytes_per_block], final=at + READING.bytes_per_block >= len(data))
         except UnicodeDecodeError:
             continue
         return encoding
@@ -187,7 +186,9 @@ def _without_nul(data: bytes) -> bytes:
 def _line_starts(data: bytes) -> Indices:
     """Return the first byte of every line, found in blocks so that no mask of the whole file is held."""
     ends = [
-        at + 1 + np.flatnonzero(np.frombuffer(data, np.uint8, min(BLOCK, len(data) - at), at) == ord("\n"))
-        for at in range(0, len(data), BLOCK)
+        at
+        + 1
+        + np.flatnonzero(np.frombuffer(data, np.uint8, min(READING.bytes_per_block, len(data) - at), at) == ord("\n"))
+        for at in range(0, len(data), READING.bytes_per_block)
     ]
     return np.concatenate([np.zeros(1, np.intp), *ends])

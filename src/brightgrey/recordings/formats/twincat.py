@@ -34,8 +34,6 @@ __all__ = ["FORMAT"]
 SAMPLE_TIME, STARTED = "SampleTime[", "Starttime of export"
 FULL_STAMP, TICK = 1e15, 1e-4
 """Times above the first number count 100 ns from the year 1601; the second turns them into ms."""
-MANY_LEVELS = 10
-"""Levels of a channel of whole numbers that show a factor beyond chance."""
 NO_UNIT = "(None)"
 
 
@@ -191,7 +189,7 @@ def _whole_numbers_are_scaled(levels: Array, scale: _Scale) -> bool | None:
     """Return what the levels of a channel that recorded whole numbers show."""
     if (levels != np.rint(levels)).any():
         return True
-    if levels.size < MANY_LEVELS:
+    if levels.size < READING.many_levels:
         return None
     if scale.factor != round(scale.factor):
         return False  # scaled numbers would not all be whole

@@ -10,15 +10,11 @@ import numpy as np
 from brightgrey.arrays import Array, Indices
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.table import Table
-from brightgrey.recordings.policy import READING
+from brightgrey.recordings.policy import INSPECTION, READING
 
 __all__ = ["ChannelProfile", "block_line", "block_means", "profile_channels"]
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
-DRAWN = 720
-"""Points of a course that are kept for drawing."""
-INSPECTED = 500
-"""Columns of a file that are profiled; a file with more is no recording of a drive."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +93,7 @@ def block_line(values: Array, width: int) -> str:
 
 def profile_channels(table: Table) -> tuple[list[ChannelProfile], dict[int, Array]]:
     """Return the profiles of all named columns, and the numbers of those that hold numbers, by column."""
-    named = [i for i, column in enumerate(table.columns) if column.name][:INSPECTED]
+    named = [i for i, column in enumerate(table.columns) if column.name][: INSPECTION.most_columns]
     clocks = sorted({c.clock for c in table.columns if c.clock is not None})
     loaded, faults = _load_numbers(table, [*named, *clocks])
     profiles = []
@@ -153,9 +149,9 @@ def _profile(column: int, name: str, unit: str | None, values: Array) -> Channel
 
 def _course(values: Array) -> Array:
     """Return the lowest and the highest value of each part of a channel, so that no peak is lost."""
-    if values.size <= DRAWN:
+    if values.size <= INSPECTION.drawn:
         return values
-    edges: Indices = np.linspace(0, values.size, DRAWN // 2 + 1).astype(np.intp)[:-1]
+    edges: Indices = np.linspace(0, values.size, INSPECTION.drawn // 2 + 1).astype(np.intp)[:-1]
     return np.column_stack([np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges)]).ravel()
 
 

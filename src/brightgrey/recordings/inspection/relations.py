@@ -10,21 +10,9 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.recordings.inspection.meaning import MOTIONS, Meaning
 from brightgrey.recordings.inspection.profile import block_means
+from brightgrey.recordings.policy import INSPECTION
 
 __all__ = ["explained_by_motion", "find_derivatives", "find_setpoints", "is_count", "is_even_time"]
-
-POINTS = 2000
-"""Points that a channel is averaged to before channels are compared."""
-COMPARED = 60
-"""Channels that are compared with each other."""
-DERIVATIVE = 0.95
-"""Correlation from which one channel is the derivative of another."""
-SAME = 0.98
-"""Correlation from which two channels are setpoint and actual value of one quantity."""
-DELAYED = 0.7
-"""Correlation of the difference of two channels with their slope from which one is the other, delayed."""
-SMOOTHER = 0.5
-"""Noise of a setpoint, as a part of that of the actual value."""
 
 
 def is_even_time(values: Array) -> bool:
@@ -45,10 +33,10 @@ def find_derivatives(
     values: Mapping[int, Array], meanings: dict[int, Meaning], names: Mapping[int, str], dt: float
 ) -> None:
     """Find positions and velocities among channels that nothing names, and write them into `meanings`."""
-    unknown = [i for i in values if not meanings[i].quantity][:COMPARED]
+    unknown = [i for i in values if not meanings[i].quantity][: INSPECTION.compared]
     if len(unknown) < 2:
         return
-    means = np.array([block_means(values[i], POINTS) for i in unknown])
+    means = np.array([block_means(values[i], INSPECTION.points) for i in unknown])
     step = dt * max(1, values[unknown[0]].size // means.shape[1])
     slopes = np.gradient(means, step, axis=1)
     scale = np.std(slopes, axis=1)[:, None] * np.std(means, axis=1)[None, :]
@@ -58,7 +46,7 @@ def find_derivatives(
     np.fill_diagonal(correlation, 0.0)
     order = np.argsort(-correlation, axis=None)
     for a, b in zip(*np.unravel_index(order, correlation.shape), strict=True):
-        if correlation[a, b] < DERIVATIVE:
+        if correlation[a, b] < INSPECTION.derivative:
             return
         position, velocity = unknown[int(a)], unknown[int(b)]
         ratio = float(np.std(means[b]) / np.std(slopes[a]))
@@ -74,8 +62,8 @@ def find_setpoints(values: Mapping[int, Array], meanings: dict[int, Meaning], na
     Two channels belong together if they are correlated and of one size; one that nothing names takes its quantity from
     the other. The setpoint has less noise, or comes earlier.
     """
-    open_ones = [i for i in values if not meanings[i].role][:COMPARED]
-    means = {i: block_means(values[i], POINTS) for i in open_ones}
+    open_ones = [i for i in values if not meanings[i].role][: INSPECTION.compared]
+    means = {i: block_means(values[i], INSPECTION.points) for i in open_ones}
     for n, i in enumerate(open_ones):
         for j in open_ones[n + 1 :]:
             if not meanings[i].role and not meanings[j].role and _belong(meanings[i], meanings[j], means[i], means[j]):
@@ -89,7 +77,7 @@ def _belong(one: Meaning, other: Meaning, x: Array, y: Array) -> bool:
     named = bool(one.quantity and other.quantity)
     ratio = float(np.std(x) / np.std(y))
     alike = named or (0.75 < ratio < 1.33 and abs(float(np.mean(x - y))) < 0.1 * float(np.std(y)))
-    return alike and float(np.corrcoef(x, y)[0, 1]) >= SAME
+    return alike and float(np.corrcoef(x, y)[0, 1]) >= INSPECTION.same
 
 
 def _tell_apart(
@@ -104,8 +92,8 @@ def _tell_apart(
     noise = {k: float(np.std(np.diff(values[k][np.isfinite(values[k])], 2))) for k in (i, j)}
     setpoint, actual = sorted(noise, key=lambda k: noise[k])
     why = "and is smoother"
-    if noise[setpoint] >= SMOOTHER * noise[actual]:
-        delay = _delay(block_means(values[i], POINTS), block_means(values[j], POINTS))
+    if noise[setpoint] >= INSPECTION.smoother * noise[actual]:
+        delay = _delay(block_means(values[i], INSPECTION.points), block_means(values[j], INSPECTION.points))
         if delay == 0.0:
             return
         setpoint, actual = (i, j) if delay > 0 else (j, i)
@@ -120,7 +108,7 @@ def _delay(x: Array, y: Array) -> float:
     """Return by how many points `y` comes later than `x`; 0 if their difference is no delay."""
     slope = np.gradient(0.5 * (x + y))
     spread = float(np.std(y - x) * np.std(slope))
-    if spread == 0.0 or abs(float(np.mean((y - x) * slope))) < DELAYED * spread:
+    if spread == 0.0 or abs(float(np.mean((y - x) * slope))) < INSPECTION.delayed * spread:
         return 0.0
     return -float(np.mean((y - x) * slope) / np.mean(slope**2))
 
@@ -131,7 +119,7 @@ def explained_by_motion(u: Array, motion: Array, quantity: str, dt: float) -> fl
     The input is regressed on acceleration, speed, the sign of the speed, position and a constant. A channel that
     drives the motion has a large part, any other one a small part.
     """
-    u, y = block_means(u, POINTS), block_means(motion, POINTS)
+    u, y = block_means(u, INSPECTION.points), block_means(motion, INSPECTION.points)
     if u.size != y.size or u.size < 10 or np.std(u) == 0.0:
         return 0.0
     step = dt * max(1, motion.size // y.size)

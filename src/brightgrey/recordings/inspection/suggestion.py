@@ -15,17 +15,13 @@ from brightgrey.recordings.formats.table import TIME_NAME, Table
 from brightgrey.recordings.inspection.meaning import DRIVING, UNITS, Meaning, index_of, unit_in_name
 from brightgrey.recordings.inspection.profile import ChannelProfile
 from brightgrey.recordings.inspection.relations import explained_by_motion, is_even_time
-from brightgrey.recordings.policy import READING
+from brightgrey.recordings.policy import INSPECTION, READING
 from brightgrey.recordings.units.parser import is_unit, parse_unit
 from brightgrey.recordings.units.signals import assumed_unit, base_of
 
 __all__ = ["ReadChannels", "Suggestion", "TimeChoice", "find_time", "suggest", "usual_step"]
 
 TIME_LIKE = re.compile(r"(?:^|.*[._\s])(?:t|time|zeit|timestamp)(?:[._\s(].*)?", re.IGNORECASE)
-TRIED = 40
-"""Inputs, and outputs, whose pairs are compared."""
-NEARLY = 0.9
-"""Part of the best explanation from which a pair of channels is as good."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +147,7 @@ def suggest(channels: ReadChannels, time: TimeChoice) -> Suggestion | str:
         return "no channel looks like a torque, a force, a current or a voltage: name it by --input" + _text_of(
             channels, DRIVING
         )
-    pairs = [(u, y) for u in inputs[:TRIED] for y in outputs[:TRIED]]
+    pairs = [(u, y) for u in inputs[: INSPECTION.tried] for y in outputs[: INSPECTION.tried]]
     name = {i: channels.table.columns[i].name for i in (*inputs, *outputs)}
     same = [(u, y) for u, y in pairs if index_of(name[u]) == index_of(name[y])]
     quantity = {i: channels.meanings[i].quantity for i in outputs}
@@ -160,7 +156,11 @@ def suggest(channels: ReadChannels, time: TimeChoice) -> Suggestion | str:
         for u, y in same or pairs
     }
     # Several inputs are several axes, of which one that hardly moves says little.
-    good = [pair for pair, part in parts.items() if part >= (NEARLY if len(inputs) > 1 else 1.0) * max(parts.values())]
+    good = [
+        pair
+        for pair, part in parts.items()
+        if part >= (INSPECTION.nearly if len(inputs) > 1 else 1.0) * max(parts.values())
+    ]
     u, y = max(good, key=lambda pair: (round(float(np.nanstd(channels.values[pair[1]])), 12), parts[pair]))
     finer = _finer(channels, y, outputs)
     why = [_because(channels, u, "input"), _because(channels, finer, "output")]
