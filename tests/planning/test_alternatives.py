@@ -7,7 +7,8 @@ import pytest
 
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.planning.alternatives import against_largest, share_that_matters, truth_between, with_free_width
-from brightgrey.planning.score import mean_powers, remaining, score
+from brightgrey.planning.rivals import remaining
+from brightgrey.planning.score import mean_powers, score
 from brightgrey.search.undecided.question import Known, LargestRival, Question
 from support.planning import STRUCTURE, TORQUE, VALUES, known, known_drive
 
@@ -38,7 +39,7 @@ def size(effect, **values):
 def drive_with(*questions, **changed):
     """The small drive with open questions."""
     drive = known_drive()
-    asked = replace(drive.known, questions=questions, ranges={**drive.known.ranges, **RANGES, **changed})
+    asked = replace(drive.known, questions=questions, bounds={**drive.known.bounds, **RANGES, **changed})
     return replace(drive, known=asked)
 
 

@@ -26,7 +26,7 @@ def test_draws__parameters_that_the_recordings_know__scatter_by_the_covariance()
 def test_draws__parameter_that_the_recordings_hardly_know__grows_as_its_effect_and_not_exponentially():
     information = ((400.0, 0.0, 0.0), (0.0, 400.0, 0.0), (0.0, 0.0, 0.05))  # of the logarithms of J1, M_C and f_v
     drive = with_known(known_drive(), information=information, values={**VALUES, "f_v": 0.001})
-    drive = replace(drive, known=replace(drive.known, ranges={**drive.known.ranges, "f_v": (1e-9, 1e9)}))
+    drive = replace(drive, known=replace(drive.known, bounds={**drive.known.bounds, "f_v": (1e-9, 1e9)}))
     draws = drive.draws(4000, np.random.default_rng(0))
     std = 0.05**-0.5
     assert np.quantile(draws["f_v"], 0.99) == pytest.approx(0.001 * (1.0 + 2.33 * std), rel=0.1)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from brightgrey.kit import PAPER
-from brightgrey.planning.score import remaining, score
+from brightgrey.planning.rivals import remaining, scales_with
+from brightgrey.planning.score import score
 from brightgrey.search.undecided.question import Known, LargestRival, Question
 from brightgrey.simulation.reference import reference
-from support.planning import STRUCTURE, TORQUE, VALUES, known, known_drive
+from support.planning import DT, STRUCTURE, TORQUE, VALUES, known, known_drive
 
 
 def discriminating(points, weights, n):
@@ -104,10 +105,24 @@ def test_score__another_effect_that_does_the_same__is_not_promised_whatever_the_
     drive = known_drive()
 
     def power(question, **options):
-        wider = replace(drive.known, questions=(question,), ranges={**drive.known.ranges, **ranges})
+        wider = replace(drive.known, questions=(question,), bounds={**drive.known.bounds, **ranges})
         (answer,) = score(replace(drive, known=wider), TORQUE, **options).answers
         return answer.power
 
     assert power(alone, refit=True) > 0.95
     assert power(replace(alone, largest=(largest,))) > 0.95  # the search for a motion does without
     assert power(replace(alone, largest=(largest,)), refit=True) < 0.5
+
+
+def test_scales_with__faster_motion__lets_friction_fade_at_its_speed():
+    rival = {**VALUES, "M_S": 0.2, "omega_S": 2.0}
+    zeros = tuple((0.0,) * 5 for _ in range(5))
+    structure = Known(f"{STRUCTURE}+stribeck", rival, tuple(rival), zeros)
+    drive = known_drive()
+    drive = replace(drive, known=replace(drive.known, bounds={}))
+    slow, fast = (scales_with(drive, size * TORQUE) for size in (0.1, 3.0))
+    assert slow == replace(drive.known.scales, duration=DT * TORQUE.size)
+    assert fast.speed > 2.0 * drive.known.scales.speed
+    index = structure.names.index("omega_S")
+    for scales in (slow, fast):
+        assert drive.box(structure, scales)[1][index] == pytest.approx(np.log(scales.speed))

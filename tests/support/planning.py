@@ -5,6 +5,7 @@ import json
 import numpy as np
 
 from brightgrey import identify, recording_from
+from brightgrey.effects import Scales
 from brightgrey.model.model import load_model
 from brightgrey.planning.design import PlanningEffort
 from brightgrey.planning.drive import PlannedDrive
@@ -59,6 +60,7 @@ def questions():
         (size,),
         {},
         reached,
+        Scales(3.0, 12.0, 200.0, 4.0, DT, DT * 400, 0.02, 1.0, 0.02, 0.0),
         ranges,
     )
 

@@ -7,7 +7,7 @@ more a motion has to show.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.kit import Structure, function_set
 from brightgrey.search.undecided.question import Question
 
-__all__ = ["against_largest", "share_that_matters", "truth_between", "with_free_width"]
+__all__ = ["against_largest", "share_that_matters", "truth_between", "with_free", "with_free_width"]
 
 
 def share_that_matters(question: Question, part: float) -> float:
@@ -63,16 +63,23 @@ def with_free_width(question: Question) -> Question:
     They know it to a factor at best. So far away their normal equations do not hold, and a motion in which friction
     sticks and slips depends on it.
     """
-    names = question.rival.names
-    if FRICTION_WIDTH not in names:
+    return with_free(question, {FRICTION_WIDTH})
+
+
+def with_free(question: Question, names: Collection[str]) -> Question:
+    """Question whose rival may change parameters as if the recordings said nothing of them."""
+    free = np.array([name in names for name in question.rival.names], bool)
+    H, g = np.array(question.rival.information), np.array(question.gradient)
+    free &= np.diag(H) > 0.0
+    if not free.any():
         return question
-    H, g, k = np.array(question.rival.information), np.array(question.gradient), names.index(FRICTION_WIDTH)
-    if H[k, k] <= 0.0:
-        return question
-    information = tuple(map(tuple, (H - np.outer(H[k], H[k]) / H[k, k]).tolist()))
-    gradient = tuple((g - H[k] * g[k] / H[k, k]).tolist())
-    rival = replace(question.rival, information=information)
-    return replace(question, rival=rival, gradient=gradient, deviance=max(question.deviance - g[k] ** 2 / H[k, k], 0.0))
+    scale = np.sqrt(np.diag(H)[free])
+    inverse = np.linalg.pinv(H[np.ix_(free, free)] / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+    inverse /= np.outer(scale, scale)
+    information, gradient = H - H[:, free] @ inverse @ H[free], g - H[:, free] @ inverse @ g[free]
+    rival = replace(question.rival, information=tuple(map(tuple, information.tolist())))
+    deviance = max(question.deviance - float(g[free] @ inverse @ g[free]), 0.0)
+    return replace(question, rival=rival, gradient=tuple(gradient.tolist()), deviance=deviance)
 
 
 def against_largest(question: Question, share: float) -> Iterator[Question]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,8 +13,9 @@ from brightgrey.effects import INERTIA, Scales
 from brightgrey.estimation.noise.autoregression import Autoregression
 from brightgrey.estimation.noise.whitening import whiten
 from brightgrey.estimation.optimisation.least_squares import evaluate
+from brightgrey.estimation.optimisation.torque_regression import with_regressed_sizes
 from brightgrey.estimation.problem.initial_state import InitialState
-from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, Nuisance
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, friction_width_nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.kit import StateSpace, Structure, assemble, slowest_resonance
@@ -27,7 +28,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["PlannedDrive", "RigidDrive"]
 
-_NO_SCALES = Scales(*[1.0] * 10)  # all ranges are known: nothing is derived from scales
 _SHARPEST = 1e4  # of friction's sign over the largest speed; an exact sign has no slope to invert
 
 
@@ -115,18 +115,21 @@ class PlannedDrive:
         """Scaled space of the parameters of a structure that the recordings say something of."""
         kept = self._spaces.get(id(known))
         if kept is None:
-            kept = self._spaces[id(known)] = known, self._made_space(known)
+            kept = self._spaces[id(known)] = known, self._space_within(known, self.known.scales)
         return kept[1]
 
-    def _made_space(self, known: Known) -> ParameterSpace:
+    def _space_within(self, known: Known, scales: Scales) -> ParameterSpace:
+        """Space with the ranges that recordings of some scales give."""
         structure = Structure.parse(known.structure)
         fixed = {n: v for n, v in known.values.items() if n in structure.parameters and n not in known.names}
-        bounds = {n: self.known.ranges[n] for n in known.names if n != FRICTION_WIDTH}
-        width: tuple[Nuisance, ...] = ()
-        if FRICTION_WIDTH in known.names:
-            low, high = self.known.ranges[FRICTION_WIDTH]
-            width = (Nuisance(FRICTION_WIDTH, low, high, known.values[FRICTION_WIDTH], sampled=False, log=True),)
-        return parameter_space(structure, _NO_SCALES, bounds, fixed, width)
+        bounds = {n: limits for n, limits in self.known.bounds.items() if n in known.names}
+        width = (friction_width_nuisance(scales.speed),) if FRICTION_WIDTH in known.names else ()
+        return parameter_space(structure, scales, bounds, fixed, width)
+
+    def box(self, known: Known, scales: Scales) -> tuple[Array, Array]:
+        """Bounds that recordings of some scales give, in the scaled space, shape (P,) each."""
+        space, wider = self.space(known), self._space_within(known, scales)
+        return space.to_scaled(wider.low), space.to_scaled(wider.high)
 
     def truths(self, questions: Sequence[Question], torque: Array) -> list[Array]:
         """Whitened outputs of the truth of each question, shape (residuals,); those of one structure side by side."""
@@ -141,6 +144,31 @@ class PlannedDrive:
             y = self.problem(Structure.parse(structure), self.recording(torque)).residuals(values, self.settings)
             found |= dict(zip(numbers, self.whiten(y, torque.size).T, strict=True))
         return [found[k] for k in range(len(questions))]
+
+    def start_by_torques(
+        self, question: Question, shapes: Collection[str], torque: Array, scales: Scales, samples: int
+    ) -> Array | None:
+        """Parameters of a rival whose torques balance those of the truth, scaled, shape (P,).
+
+        Its shapes are drawn within the ranges that recordings of some scales give, `samples` times, and the best draw
+        is taken. Sizes balance the torques, and the others are those of the truth, or else of the recordings so far.
+        None where no torque can be balanced.
+        """
+        nothing, values = self.recording(torque), {n: np.array([v]) for n, v in question.values.items()}
+        truth = self.problem(Structure.parse(question.truth), nothing)
+        y = truth.residuals(values, self.settings).reshape(-1, torque.size) / truth.weights[:, None]
+        problem = self.problem(Structure.parse(question.rival.structure), replace(nothing, y=y))
+        space = self._space_within(question.rival, scales)
+        drawn = space.sample(samples, np.random.default_rng(0))
+        own = {**question.rival.values, **question.values}
+        drawn = np.array(
+            [row if n in shapes else np.full(samples, own[n]) for n, row in zip(space.names, drawn, strict=True)]
+        )
+        found = with_regressed_sizes(problem, space, self.settings, space.clip(drawn))
+        if found is None:
+            return None
+        costs = problem.costs(space.named(found), self.settings)
+        return self.space(question.rival).to_scaled(found[:, np.argmin(costs)])
 
     def begin_in_gaps(self, system: StateSpace) -> dict[str, float]:
         """Position in each gap of a system at the begin, as the initial state names it."""
@@ -192,9 +220,9 @@ class PlannedDrive:
         """Estimates in the scaled space, shape (P,)."""
         return self.space(known).to_scaled(np.array([known.values[n] for n in known.names]))
 
-    def steps_to_bounds(self, known: Known) -> tuple[Array, Array]:
+    def steps_to_bounds(self, known: Known, scales: Scales) -> tuple[Array, Array]:
         """Least and largest step of each parameter from its estimate to its bounds, scaled, shape (P,) each."""
-        theta, (low, high) = self.theta(known), self.space(known).box
+        theta, (low, high) = self.theta(known), self.box(known, scales)
         return np.minimum(low - theta, 0.0), np.maximum(high - theta, 0.0)
 
     def whiten(self, x: Array, samples: int) -> Array:

@@ -17,10 +17,11 @@ from brightgrey.arrays import Array
 from brightgrey.planning.alternatives import share_that_matters, truth_between
 from brightgrey.planning.drive import PlannedDrive
 from brightgrey.planning.envelope import command_of, recorded_torque
+from brightgrey.planning.rivals import refitted, refitted_from_torques, remaining, scales_with
 from brightgrey.search.detectability import power
 from brightgrey.search.undecided.question import Known, Question
 
-__all__ = ["Answer", "Score", "mean_powers", "power_so_far", "remaining", "score"]
+__all__ = ["Answer", "Score", "mean_powers", "power_so_far", "score"]
 
 
 @dataclass(frozen=True)
@@ -29,13 +30,8 @@ class _Policy:
 
     enough: float = 1.3  #: Multiple of the critical deviance beyond which more noncentrality is worth little.
     information_share: float = 0.02  #: Weight of the parameters' information: it decides among equals.
-    refits: int = 12  #: Levenberg-Marquardt steps of a rival that is refitted, the first without damping.
-    first_damping: float = 0.01  #: Of a step that is tried again, over the diagonal of the normal equations.
-    most_damping: float = 10.0  #: Damping above which a rival counts as fitted.
     draws: int = 4  #: Draws of the parameters that powers are averaged over,
     gaps: tuple[float, ...] = (0.0, -0.5, -1.0)  #: and positions in a gap at the begin, in widths.
-    negligible: float = 0.01  #: Relative decrease that is not worth another step,
-    irrelevant: float = 0.1  #: and decrease of a deviance that changes no power.
     confusable: float = 0.2  #: Power from which an effect is also told from all others together.
 
 
@@ -72,51 +68,6 @@ class Score:
         return float(np.mean(decided) if decided else 0.0) + POLICY.information_share * self.gain
 
 
-def remaining(
-    information: Array,
-    gradient: Array,
-    deviance: float,
-    change: Array,
-    jacobian: Array,
-    box: tuple[Array, Array] | None = None,
-) -> float:
-    """Sum of squares that remains when a rival is fitted to old recordings and a new motion, at first order.
-
-    Parameters
-    ----------
-    information : ndarray, shape (P, P)
-        Of the old recordings.
-    gradient : ndarray, shape (P,)
-        Of half the old sum of squares.
-    deviance : float
-        Old sum of squares.
-    change : ndarray, shape (residuals,)
-        Whitened outputs of the rival minus those of the truth in the new motion.
-    jacobian : ndarray, shape (residuals, P)
-    box : pair of ndarray, shape (P,), optional
-        Least and largest step of the rival's parameters to their bounds.
-    """
-    H, g = information + jacobian.T @ jacobian, gradient + jacobian.T @ change
-    d = _least_squares_step(H, g, box)
-    return max(float(deviance + change @ change + 2.0 * d @ g + d @ H @ d), 0.0)
-
-
-def _least_squares_step(H: Array, g: Array, box: tuple[Array, Array] | None = None) -> Array:
-    """Least-norm step d in units of the diagonal that minimises d H d + 2 d g; what leaves the box is held at it."""
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    low, high = box if box is not None else (np.full(len(g), -np.inf), np.full(len(g), np.inf))
-    d, free = np.zeros(len(g)), np.ones(len(g), bool)
-    while free.any():
-        left = (g + H @ np.where(free, 0.0, d))[free] / scale[free]
-        part = (H / np.outer(scale, scale))[np.ix_(free, free)]
-        d[free] = -np.linalg.pinv(part, rcond=1e-12, hermitian=True) @ left / scale[free]
-        beyond = free & ((d < low) | (d > high))
-        if not beyond.any():
-            break
-        d, free = np.where(beyond, np.clip(d, low, high), d), free & ~beyond
-    return d
-
-
 def score(drive: PlannedDrive, torque: Array, *, refit: bool = False) -> Score | None:
     """Score of a torque, shape (samples,); None if a simulation diverges.
 
@@ -131,16 +82,20 @@ def score(drive: PlannedDrive, torque: Array, *, refit: bool = False) -> Score |
             jacobians[_key(known)] = drive.outputs_and_jacobian(known, drive.theta(known), torque)
     if not all(np.isfinite(part).all() for pair in jacobians.values() for part in pair):
         return None
-    answers = []
+    answers, scales = [], scales_with(drive, torque)
     for k, (q, truth) in enumerate(zip(drive.asked, drive.truths(drive.asked, torque), strict=True)):
         y, J = jacobians[_key(q.rival)]
         H, g = np.array(q.rival.information), np.array(q.gradient)
-        found = remaining(H, g, q.deviance, y - truth, J, drive.steps_to_bounds(q.rival))
+        found = remaining(H, g, q.deviance, y - truth, J, drive.steps_to_bounds(q.rival, scales))
         if refit:
-            found = min(found, _refitted(drive, q, torque, truth)) if found > 0.0 else found
+            found = min(found, refitted(drive, q, torque, truth, scales)) if found > 0.0 else found
         answer = Answer(q, found, critical(drive, q, torque.size))
         if refit and answer.power >= POLICY.confusable:
-            left = [_refitted(drive, wide, torque, truth) for wide in drive.against_largest[k]]
+            left = [refitted(drive, wide, torque, truth, scales) for wide in drive.against_largest[k]]
+            answer = replace(answer, noncentrality=min([answer.noncentrality, *left]))
+        if refit and answer.power >= POLICY.confusable:
+            rivals = (q, *drive.against_largest[k])
+            left = [refitted_from_torques(drive, rival, torque, truth, scales) for rival in rivals]
             answer = replace(answer, noncentrality=min([answer.noncentrality, *left]))
         answers.append(answer)
     old, J = np.array(drive.known.model.information), jacobians[_key(drive.known.model)][1]
@@ -163,67 +118,12 @@ def critical(drive: PlannedDrive, question: Question, samples: int) -> float:
     return max(question.critical, material, known.error_floor * (1.0 + more / known.samples))
 
 
-def _refitted(drive: PlannedDrive, q: Question, torque: Array, truth: Array) -> float:
-    """Sum of squares that remains when the rival is fitted to the recordings so far and the new one, simulated anew.
-
-    It begins where the recordings so far have left it, and with the truth's values of the parameters that both have.
-    Where friction sticks and slips, a motion may be far from linear in them.
-    """
-    shared = {name: q.values.get(name, value) for name, value in q.rival.values.items()}
-    found, smooth = _descended(drive, q, torque, truth, drive.theta(q.rival))
-    if smooth:
-        return found
-    return min(found, _descended(drive, q, torque, truth, drive.theta(replace(q.rival, values=shared)))[0])
-
-
-def _descended(drive: PlannedDrive, q: Question, torque: Array, truth: Array, begin: Array) -> tuple[float, bool]:
-    """Sum of squares that remains after Levenberg-Marquardt steps of the rival, and if they came to an end.
-
-    What one more step would take off at first order counts as taken off: where the descent gets stuck, nobody knows.
-    The recordings so far are linear in the parameters themselves, not in their logarithms: sizes of effects may change
-    by far.
-    """
-    H0, g0, known, space = (
-        np.array(q.rival.information),
-        np.array(q.gradient),
-        drive.theta(q.rival),
-        drive.space(q.rival),
-    )
-    low, high = space.box
-
-    def at(theta: Array) -> tuple[float, Array, Array]:
-        y, J = drive.outputs_and_jacobian(q.rival, theta, torque)
-        e, d = y - truth, np.where(space.log, np.expm1(theta - known), theta - known)
-        slope = np.where(space.log, 1.0 + d, 1.0)
-        cost = float(q.deviance + 2.0 * d @ g0 + d @ H0 @ d + e @ e)
-        finite = np.isfinite(cost) and np.isfinite(J).all()
-        return (cost if finite else np.inf), np.outer(slope, slope) * H0 + J.T @ J, slope * (g0 + H0 @ d) + J.T @ e
-
-    theta, damping, smooth = np.clip(begin, low, high), 0.0, False
-    best, H, g = at(theta)
-    for _ in range(POLICY.refits):
-        if not np.isfinite(best):
-            return 0.0, False
-        d = _least_squares_step(H + damping * np.diag(np.diag(H)), g, (low - theta, high - theta))
-        smooth = damping == 0.0 and -float(2.0 * d @ g + d @ H @ d) <= max(POLICY.negligible * best, POLICY.irrelevant)
-        if smooth or damping > POLICY.most_damping:
-            break
-        cost, H_tried, g_tried = at(theta + d)
-        if cost < best:
-            theta, best, H, g = theta + d, cost, H_tried, g_tried
-            damping = 0.1 * damping if damping > POLICY.first_damping else 0.0
-        else:
-            damping = max(10.0 * damping, POLICY.first_damping)
-    d = _least_squares_step(H, g, (low - theta, high - theta))
-    return max(best + min(float(2.0 * d @ g + d @ H @ d), 0.0), 0.0), smooth
-
-
 def power_so_far(drive: PlannedDrive, question: Question) -> float:
     """Power of the recordings so far to decide a question."""
     found = []
     for q in (truth_between(question, share_that_matters(question, part)) for part in _shares()):
         none, H, g = np.zeros((0, len(q.gradient))), np.array(q.rival.information), np.array(q.gradient)
-        left = remaining(H, g, q.deviance, np.zeros(0), none, drive.steps_to_bounds(q.rival))
+        left = remaining(H, g, q.deviance, np.zeros(0), none, drive.steps_to_bounds(q.rival, drive.known.scales))
         found.append(power(left, q.parameters, critical(drive, q, 0)))
     return float(np.mean(found))
 

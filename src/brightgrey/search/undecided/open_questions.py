@@ -71,8 +71,6 @@ def open_questions(
     outputs = len(task.recordings[0].outputs)
     noise = zip(problem.weights.tolist(), d.refined.whitening.models[:outputs], strict=True)
     known = _known_of(d, best, d.refined.jacobian(best)[0])[0]
-    named = {q.truth for q in asked} | {r.known.structure for q in asked for r in q.largest}
-    spaces = {s: task.space(s, nuisances=True) for s in (best, *map(Structure.parse, sorted(named)), *found)}
     return OpenQuestions(
         UNDECIDED_SCHEMA,
         task.recordings[0].dt,
@@ -85,12 +83,8 @@ def open_questions(
         tuple(asked),
         not_asked,
         _reached(task, best, refined.values),
-        {
-            name: (float(low), float(high))
-            for s, space in spaces.items()
-            for name, low, high in zip(space.names, space.low, space.high, strict=True)
-            if name in s.parameters or name == FRICTION_WIDTH
-        },
+        task.scales,
+        dict(task.bounds),
     )
 
 

@@ -1,4 +1,4 @@
-"""Open questions as data: undecided.json, schema ``brightgrey/undecided/1``."""
+"""Open questions as data: undecided.json, schema ``brightgrey/undecided/2``."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
+from brightgrey.effects import Scales
 from brightgrey.errors import SettingsError
 
 __all__ = ["UNDECIDED_FILE", "UNDECIDED_SCHEMA", "Known", "LargestRival", "OpenQuestions", "OutputNoise", "Question"]
 
-UNDECIDED_SCHEMA = "brightgrey/undecided/1"
+UNDECIDED_SCHEMA = "brightgrey/undecided/2"
 UNDECIDED_FILE = "undecided.json"
 
 
@@ -81,7 +82,8 @@ class OpenQuestions:
     questions: tuple[Question, ...]
     not_asked: Mapping[str, str]  #: Undecided effects that no motion is designed for, with the reason.
     reached: Mapping[str, float]  #: Largest torque, speed and so on of the recordings; see `brightgrey plan`.
-    ranges: Mapping[str, tuple[float, float]]  #: Range of every parameter that is named here.
+    scales: Scales  #: Of the recordings; they give the range of every parameter
+    bounds: Mapping[str, tuple[float, float]]  #: but those that the user gave a range.
 
     def text(self) -> str:
         """Text of undecided.json."""
@@ -100,6 +102,7 @@ class OpenQuestions:
             data = json.loads(text)
             if data["schema"] != UNDECIDED_SCHEMA:
                 raise SettingsError(f"schema is '{data['schema']}'; this version reads '{UNDECIDED_SCHEMA}'")
+            data["scales"] = Scales(**data["scales"])
             data["noise"] = tuple(OutputNoise(**{**n, "a": tuple(n["a"])}) for n in data["noise"])
             data["model"] = _known(data["model"])
             data["questions"] = tuple(_question(q) for q in data["questions"])
