@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from brightgrey.kit import PAPER
-from brightgrey.planning.rivals import remaining, scales_with
+from brightgrey.planning.rivals import refitted, refitted_from_torques, remaining, scales_with
 from brightgrey.planning.score import score
 from brightgrey.search.undecided.question import Known, LargestRival, Question
 from brightgrey.simulation.reference import reference
@@ -126,3 +126,22 @@ def test_scales_with__faster_motion__lets_friction_fade_at_its_speed():
     index = structure.names.index("omega_S")
     for scales in (slow, fast):
         assert drive.box(structure, scales)[1][index] == pytest.approx(np.log(scales.speed))
+
+
+def test_refitted_from_torques__rival_that_held_no_friction__stands_for_coulomb_friction():
+    truth = {"J1": 0.02, "M_C": 0.3, "f_v": 0.02}
+    left = {"J1": 0.02, "f_v": 0.02, "M_S": 1e-3, "omega_S": 0.1}  # by recordings that hold no friction
+    structure = "one_mass+viscous+stribeck"
+    information = tuple(map(tuple, np.diag([1e3, 1e3, 1e-9, 1e-9]).tolist()))
+    rival = Known(structure, left, tuple(left), information)
+    question = Question(("coulomb",), "size", STRUCTURE, truth, rival, (0.0,) * 4, 0.0, 2, 7.8)
+    drive = known_drive()
+    drive = replace(drive, known=replace(drive.known, questions=(question,), bounds={}))
+    torque = 3.0 * TORQUE
+    (outputs,), scales = drive.truths((question,), torque), scales_with(drive, torque)
+    far = refitted(drive, question, torque, outputs, scales)
+    found = refitted_from_torques(drive, question, torque, outputs, scales)
+    assert far > 100.0 * question.critical  # the descent from there is stuck
+    assert found < 0.01 * far
+    none = replace(question, rival=known())
+    assert refitted_from_torques(drive, none, torque, outputs, scales) == np.inf  # nothing in it has a shape
