@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
-from brightgrey.planning.alternatives import against_largest, share_that_matters, truth_between, with_free_width
+from brightgrey.planning.alternatives import (
+    against_largest,
+    share_that_matters,
+    truth_between,
+    with_free,
+    with_free_width,
+)
 from brightgrey.planning.rivals import remaining
 from brightgrey.planning.score import mean_powers, score
 from brightgrey.search.undecided.question import Known, LargestRival, Question
@@ -96,6 +102,26 @@ def test_with_free_width__old_recordings__say_nothing_of_the_width_and_the_rest_
     assert found.rival.information[1] == (0.0, 0.0)
     assert free == 0.0
     assert found.deviance + 2.0 * slope * step + row[0] * step**2 == pytest.approx(wanted, abs=1e-5)
+
+
+def test_with_free__parameters_that_act_nearly_alike__nothing_is_left_of_them_and_the_rest_is_right():
+    J = np.random.default_rng(0).standard_normal((200, 5))
+    J[:, 3] = J[:, 2] + 1e-5 * J[:, 3]
+    names = ("J1", "M_C", "M_S", "omega_S", "f_v")
+    change = J @ np.array([0.0, 1.0, 1.0, 0.0, 0.0]) + np.random.default_rng(1).standard_normal(200)
+    information = tuple(map(tuple, (J.T @ J).tolist()))
+    rival = Known("one_mass", dict.fromkeys(names, 1.0), names, information)
+    question = Question(
+        ("coulomb",), "size", "one_mass", {}, rival, tuple(J.T @ change), float(change @ change), 1, 4.0
+    )
+    found = with_free(question, {"M_S", "omega_S"})
+    H = np.array(found.rival.information)
+    assert not H[2:4].any()
+    assert not H[:, 2:4].any()
+    assert found.gradient[2:4] == (0.0, 0.0)
+    basis, _ = np.linalg.qr(J[:, 2:4])
+    others = J[:, [0, 1, 4]] - basis @ (basis.T @ J[:, [0, 1, 4]])
+    np.testing.assert_allclose(H[np.ix_([0, 1, 4], [0, 1, 4])], others.T @ others, rtol=1e-4, atol=1e-2)
 
 
 def test_remaining__step_beyond_a_bound__is_held_there_and_the_others_are_fitted():

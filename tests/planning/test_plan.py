@@ -1,5 +1,6 @@
 """A plan from the folder of an identification: limits, units, files, words, errors and interruption."""
 
+import json
 import shutil
 import signal
 import subprocess
@@ -34,6 +35,20 @@ def made(run):
 
 def test_questions__as_text__read_back_alike():
     assert OpenQuestions.parse(questions().text()).text() == questions().text()
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"schema": "brightgrey/undecided/1"}, "^schema is .* identify again"),
+        ({"scales": {"torque": "much"}}, "this is no result of a search: ValueError"),
+        ({"bounds": {"J1": [1.0]}}, "this is no result of a search: ValueError"),
+    ],
+)
+def test_questions__damaged_or_old_text__one_line(changed, message):
+    text = json.dumps(json.loads(questions().text()) | changed)
+    with pytest.raises(SettingsError, match=message):
+        OpenQuestions.parse(text)
 
 
 def test_limits__in_units_of_the_recording__become_si_and_back():

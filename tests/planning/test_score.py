@@ -145,3 +145,14 @@ def test_refitted_from_torques__rival_that_held_no_friction__stands_for_coulomb_
     assert found < 0.01 * far
     none = replace(question, rival=known())
     assert refitted_from_torques(drive, none, torque, outputs, scales) == np.inf  # nothing in it has a shape
+
+
+def test_refitted_from_torques__recordings_so_far_leave_more__no_less_is_left_after_one_more():
+    rival = {"J1": 0.02, "f_v": 0.02, "M_S": 1e-2, "omega_S": 0.1}
+    information = tuple(map(tuple, np.diag([1e3, 1e3, 1.0, 1e-3]).tolist()))
+    left = Known("one_mass+viscous+stribeck", rival, tuple(rival), information)
+    question = Question(("coulomb",), "size", STRUCTURE, VALUES, left, (0.0, 0.0, 4.0, 0.0), 20.0, 2, 7.8)
+    drive = known_drive()  # M_S is at its lower bound, and the gradient leads out
+    still = 0.01 * TORQUE
+    found = refitted_from_torques(drive, question, still, drive.truths((question,), still)[0], drive.known.scales)
+    assert found >= 20.0

@@ -21,8 +21,8 @@ class AnalysisPolicy:
     points_per_decade: int = 200  #: Of a frequency grid.
     pade_order: int = 6  #: Of the dead time in the poles of a closed loop.
     quadrature_points: int = 128  #: Over a quarter of a period, for a describing function.
-    taylor_order: int = 8  #: Of the matrix exponential of a sampling interval,
-    #: whose matrix is scaled down to this norm: the remainder is below 1e-10.
+    taylor_order: int = 8  #: Of the matrix exponential of a sampling interval.
+    #: Norm that its matrix is scaled down to: the remainder is below 1e-10.
     taylor_norm: float = 0.3
 
 

@@ -77,6 +77,7 @@ def with_free(question: Question, names: Collection[str]) -> Question:
     inverse = np.linalg.pinv(H[np.ix_(free, free)] / np.outer(scale, scale), rcond=1e-12, hermitian=True)
     inverse /= np.outer(scale, scale)
     information, gradient = H - H[:, free] @ inverse @ H[free], g - H[:, free] @ inverse @ g[free]
+    information[free], information[:, free], gradient[free] = 0.0, 0.0, 0.0  # but for rounding
     rival = replace(question.rival, information=tuple(map(tuple, information.tolist())))
     deviance = max(question.deviance - float(g[free] @ inverse @ g[free]), 0.0)
     return replace(question, rival=rival, gradient=tuple(gradient.tolist()), deviance=deviance)

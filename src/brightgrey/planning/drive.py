@@ -17,12 +17,12 @@ from brightgrey.estimation.optimisation.torque_regression import with_regressed_
 from brightgrey.estimation.problem.initial_state import InitialState
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, friction_width_nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
-from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.kit import StateSpace, Structure, assemble, slowest_resonance
 from brightgrey.model.model import Model
 from brightgrey.planning.alternatives import against_largest, share_that_matters, truth_between, with_free_width
 from brightgrey.planning.position_loop import PositionLoop
-from brightgrey.recordings import Recording
+from brightgrey.recordings import Recording, Signal
 from brightgrey.search.undecided.question import Known, OpenQuestions, Question
 from brightgrey.simulation import Settings
 
@@ -128,8 +128,8 @@ class PlannedDrive:
 
     def box(self, known: Known, scales: Scales) -> tuple[Array, Array]:
         """Bounds that recordings of some scales give, in the scaled space, shape (P,) each."""
-        space, wider = self.space(known), self._space_within(known, scales)
-        return space.to_scaled(wider.low), space.to_scaled(wider.high)
+        space, within = self.space(known), self._space_within(known, scales)
+        return space.to_scaled(within.low), space.to_scaled(within.high)
 
     def truths(self, questions: Sequence[Question], torque: Array) -> list[Array]:
         """Whitened outputs of the truth of each question, shape (residuals,); those of one structure side by side."""
@@ -154,20 +154,26 @@ class PlannedDrive:
         is taken. Sizes balance the torques, and the others are those of the truth, or else of the recordings so far.
         None where no torque can be balanced.
         """
-        nothing, values = self.recording(torque), {n: np.array([v]) for n, v in question.values.items()}
+        rival, nothing = Structure.parse(question.rival.structure), self.recording(torque)
+        values = {n: np.array([v]) for n, v in question.values.items()}
         truth = self.problem(Structure.parse(question.truth), nothing)
-        y = truth.residuals(values, self.settings).reshape(-1, torque.size) / truth.weights[:, None]
-        problem = self.problem(Structure.parse(question.rival.structure), replace(nothing, y=y))
+
+        def recorded(empty: Recording) -> Recording:
+            y = predict_many(truth.structure, values, empty, self.settings, initial_state=truth.initial_states[0])
+            return replace(empty, y=y[:, :, 0])
+
+        speed = replace(
+            nothing, y=nothing.y[:1], outputs=(Signal("speed", "velocity", "rad/s"),), resolution=np.ones(1)
+        )
         space = self._space_within(question.rival, scales)
         drawn = space.sample(samples, np.random.default_rng(0))
         own = {**question.rival.values, **question.values}
-        drawn = np.array(
-            [row if n in shapes else np.full(samples, own[n]) for n, row in zip(space.names, drawn, strict=True)]
-        )
-        found = with_regressed_sizes(problem, space, self.settings, space.clip(drawn))
+        for k, name in enumerate(space.names):
+            drawn[k] = drawn[k] if name in shapes else own[name]
+        found = with_regressed_sizes(self.problem(rival, recorded(speed)), space, self.settings, space.clip(drawn))
         if found is None:
             return None
-        costs = problem.costs(space.named(found), self.settings)
+        costs = self.problem(rival, recorded(nothing)).costs(space.named(found), self.settings)
         return self.space(question.rival).to_scaled(found[:, np.argmin(costs)])
 
     def begin_in_gaps(self, system: StateSpace) -> dict[str, float]:

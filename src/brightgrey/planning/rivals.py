@@ -85,6 +85,12 @@ def scales_with(drive: PlannedDrive, torque: Array) -> Scales:
     """Scales of the recordings so far and of a new one, which give the ranges when both are identified.
 
     A faster motion admits friction that fades at a higher speed, for example.
+
+    Parameters
+    ----------
+    drive : PlannedDrive
+    torque : ndarray, shape (samples,)
+        As the new recording holds it, N m (N).
     """
     so_far, dt = drive.known.scales, drive.known.sampling_time
     found = nominal_reaction(replace(drive, loop=None), MotionCommand(torque, None))
@@ -94,10 +100,10 @@ def scales_with(drive: PlannedDrive, torque: Array) -> Scales:
         "speed": np.abs(v).max(),
         "acceleration": np.abs(np.diff(v)).max() / dt,
         "travel": np.ptp(q),
-        "duration": torque.size * dt,
+        "duration": (torque.size - 1) * dt,
     }
-    larger = {name: max(getattr(so_far, name), float(size)) for name, size in new.items()}
-    return replace(so_far, **larger)
+    sizes = {name: max(getattr(so_far, name), float(size)) for name, size in new.items()}
+    return replace(so_far, **sizes)
 
 
 def refitted(drive: PlannedDrive, q: Question, torque: Array, truth: Array, scales: Scales) -> float:
@@ -159,16 +165,36 @@ def _descended(
 
 
 def refitted_from_torques(drive: PlannedDrive, q: Question, torque: Array, truth: Array, scales: Scales) -> float:
-    """Sum of squares that remains when the rival begins with torques that balance those of the truth; else infinite.
+    """Sum of squares that remains when the rival begins with torques that balance those of the truth.
 
-    Stribeck friction that fades slowly is like Coulomb friction with less viscous friction, for example. Where the
-    recordings so far hold no friction, no step leads there. Their normal equations do not hold so far away. There the
-    recordings are taken to say nothing of single torques, since others could have stood for them.
+    Stribeck friction that fades slowly is like Coulomb friction with less viscous friction, for example. No descent
+    leads there from where the recordings so far have left it, and their normal equations do not hold so far away. There
+    they are taken to say nothing of single torques, since others could have stood for them. No less remains than the
+    recordings so far leave alone.
+
+    Parameters
+    ----------
+    drive : PlannedDrive
+    q : Question
+    torque : ndarray, shape (samples,)
+        Of the new motion, N m (N).
+    truth : ndarray, shape (residuals,)
+        Whitened outputs of the truth in it.
+    scales : Scales
+        Of the recordings so far and the new one, which give the ranges.
+
+    Returns
+    -------
+    float
+        Infinite where no torque of the rival has a shape besides its size, or none can be balanced.
     """
     torques = [p for kind in torque_kinds(Structure.parse(q.rival.structure)) for p in kind]
     sizes = {p.parameter(o.symbol) for p in torques for o in p.effect.parameters if o.size}
     shapes = {p.parameter(o.symbol) for p in torques for o in p.effect.parameters if not o.size}
-    if not shapes & set(q.rival.names):
+    begin = drive.start_by_torques(q, shapes, torque, scales, POLICY.samples) if shapes & set(q.rival.names) else None
+    if begin is None:
         return np.inf
-    begin = drive.start_by_torques(q, shapes, torque, scales, POLICY.samples)
-    return np.inf if begin is None else _descended(drive, with_free(q, sizes | shapes), torque, truth, begin, scales)[0]
+    found = _descended(drive, with_free(q, sizes | shapes), torque, truth, begin, scales)[0]
+    H, g, none = np.array(q.rival.information), np.array(q.gradient), np.zeros(0)
+    so_far = remaining(H, g, q.deviance, none, np.zeros((0, g.size)), drive.steps_to_bounds(q.rival, scales))
+    return max(found, so_far)

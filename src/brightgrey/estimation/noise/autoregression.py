@@ -33,8 +33,8 @@ class _Policy:
     relative_variance_floor: float = 1e-14
     covariance_floor: float = 1e-12  #: The same, found from autocovariances, whose rounding it amplifies.
     direct_lags: int = 64  #: Up to so many lags, sums lag by lag are faster than a Fourier transform.
-    spectrum_length: int = 8  #: Times the lags of an autocovariance, at first,
-    longest_spectrum: int = 2**21  #: and at most.
+    spectrum_length: int = 8  #: Length of a spectrum at first, in lags of an autocovariance.
+    longest_spectrum: int = 2**21  #: Its largest length.
     #: Largest relative change of the variance by a spectrum twice as long: what wraps around has decayed.
     wrapped: float = 1e-3
 

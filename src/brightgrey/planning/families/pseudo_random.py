@@ -1,4 +1,4 @@
-"""Pseudo-random binary torque up to the resonance, on a slow motion."""
+"""Pseudo-random binary torque that is clocked at the resonance or faster, on a slow motion."""
 
 from __future__ import annotations
 
@@ -27,8 +27,9 @@ def _pseudo_random_motion(x: Array, s: Setting) -> CommandedMotion:
     levels = np.roll(bits, -first)[np.arange(s.samples) // clock % len(bits)]
     slope = s.limits.jerk * s.limits.torque / s.acceleration * s.dt
     size = (0.03 + 0.97 * x[4]) * s.limits.torque
-    edge = max(int(np.ceil(2.0 * size / slope)), 1)
-    torque = size * np.convolve(levels, np.ones(edge) / edge, "full")[: s.samples] * rest_window(s)
+    edge = min(max(int(np.ceil(2.0 * size / slope)), 1), s.samples)
+    total = np.cumsum(np.concatenate([np.zeros(edge), levels]))
+    torque = size * (total[edge:] - total[:-edge]) / edge * rest_window(s)
     return CommandedMotion(motion, torque, float(x[5]))
 
 

@@ -82,8 +82,8 @@ class OpenQuestions:
     questions: tuple[Question, ...]
     not_asked: Mapping[str, str]  #: Undecided effects that no motion is designed for, with the reason.
     reached: Mapping[str, float]  #: Largest torque, speed and so on of the recordings; see `brightgrey plan`.
-    scales: Scales  #: Of the recordings; they give the range of every parameter
-    bounds: Mapping[str, tuple[float, float]]  #: but those that the user gave a range.
+    scales: Scales  #: Of the recordings; they give the ranges of parameters.
+    bounds: Mapping[str, tuple[float, float]]  #: Ranges that the user gave, SI.
 
     def text(self) -> str:
         """Text of undecided.json."""
@@ -101,13 +101,16 @@ class OpenQuestions:
         try:
             data = json.loads(text)
             if data["schema"] != UNDECIDED_SCHEMA:
-                raise SettingsError(f"schema is '{data['schema']}'; this version reads '{UNDECIDED_SCHEMA}'")
-            data["scales"] = Scales(**data["scales"])
+                raise SettingsError(
+                    f"schema is '{data['schema']}'; this version reads '{UNDECIDED_SCHEMA}': identify again"
+                )
+            data["scales"] = Scales(**{name: float(size) for name, size in data["scales"].items()})
+            data["bounds"] = {name: (float(low), float(high)) for name, (low, high) in data["bounds"].items()}
             data["noise"] = tuple(OutputNoise(**{**n, "a": tuple(n["a"])}) for n in data["noise"])
             data["model"] = _known(data["model"])
             data["questions"] = tuple(_question(q) for q in data["questions"])
             return cls(**data)
-        except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as why:
+        except (KeyError, TypeError, AttributeError, ValueError) as why:
             raise SettingsError(f"this is no result of a search: {type(why).__name__} {why}") from None
 
 
