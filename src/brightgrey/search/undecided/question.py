@@ -100,18 +100,17 @@ class OpenQuestions:
         """
         try:
             data = json.loads(text)
-            if data["schema"] != UNDECIDED_SCHEMA:
-                raise SettingsError(
-                    f"schema is '{data['schema']}'; this version reads '{UNDECIDED_SCHEMA}': identify again"
-                )
-            data["scales"] = Scales(**{name: float(size) for name, size in data["scales"].items()})
-            data["bounds"] = {name: (float(low), float(high)) for name, (low, high) in data["bounds"].items()}
-            data["noise"] = tuple(OutputNoise(**{**n, "a": tuple(n["a"])}) for n in data["noise"])
-            data["model"] = _known(data["model"])
-            data["questions"] = tuple(_question(q) for q in data["questions"])
-            return cls(**data)
+            schema = data["schema"]
+            if schema == UNDECIDED_SCHEMA:
+                data["scales"] = Scales(**{name: float(size) for name, size in data["scales"].items()})
+                data["bounds"] = {name: (float(low), float(high)) for name, (low, high) in data["bounds"].items()}
+                data["noise"] = tuple(OutputNoise(**{**n, "a": tuple(n["a"])}) for n in data["noise"])
+                data["model"] = _known(data["model"])
+                data["questions"] = tuple(_question(q) for q in data["questions"])
+                return cls(**data)
         except (KeyError, TypeError, AttributeError, ValueError) as why:
             raise SettingsError(f"this is no result of a search: {type(why).__name__} {why}") from None
+        raise SettingsError(f"schema is '{schema}'; this version reads '{UNDECIDED_SCHEMA}': identify again")
 
 
 def _known(data: dict[str, Any]) -> Known:
