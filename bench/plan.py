@@ -333,7 +333,7 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
         mean = f"{np.mean([r['power'] for r in within]):.2f}" if within else "–"
         bins.append([f"{low:.1f} to {min(high, 1.0):.1f}", str(len(some)), mean, share_of(some) if some else "–"])
     drives, masses = len({r["number"] for r in rows}), max(r["masses"] for r in rows)
-    about = f", up to {masses} masses" if masses > 1 else ""
+    about = f", seed {rows[0]['seed']}" + (f", up to {masses} masses" if masses > 1 else "")
     apart = ["plan alone / it alone", "McNemar p"]
     head = ["a power ≥ 0.5 in the drive", *apart, "a power ≥ 0.8", *apart]
     return [

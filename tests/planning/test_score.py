@@ -156,3 +156,17 @@ def test_refitted_from_torques__recordings_so_far_leave_more__no_less_is_left_af
     still = 0.01 * TORQUE
     found = refitted_from_torques(drive, question, still, drive.truths((question,), still)[0], drive.known.scales)
     assert found >= 20.0
+
+
+def test_refitted_from_torques__recordings_so_far_know_the_friction__what_they_say_counts():
+    left = {"J1": 0.02, "f_v": 0.02, "M_S": 1.0, "omega_S": 8.0}
+    truth = {**left, "M_C": 0.2, "M_S": 0.8}
+    information = tuple(map(tuple, np.diag([1e6, 1e6, 1e6, 1e6]).tolist()))
+    rival = Known("one_mass+viscous+stribeck", left, tuple(left), information)
+    question = Question(("coulomb",), "size", f"{STRUCTURE}+stribeck", truth, rival, (0.0,) * 4, 0.0, 2, 7.8)
+    drive = known_drive()
+    (outputs,), scales = drive.truths((question,), TORQUE), scales_with(drive, TORQUE)
+    found = refitted_from_torques(drive, question, TORQUE, outputs, scales)
+    assert found == pytest.approx(refitted(drive, question, TORQUE, outputs, scales), rel=0.05)
+    vague = replace(question, rival=replace(rival, information=tuple((0.0,) * 4 for _ in range(4))))
+    assert refitted_from_torques(drive, vague, TORQUE, outputs, scales) < 0.5 * found

@@ -154,26 +154,24 @@ class PlannedDrive:
         is taken. Sizes balance the torques, and the others are those of the truth, or else of the recordings so far.
         None where no torque can be balanced.
         """
-        rival, nothing = Structure.parse(question.rival.structure), self.recording(torque)
+        rival, truth = (Structure.parse(name) for name in (question.rival.structure, question.truth))
         values = {n: np.array([v]) for n, v in question.values.items()}
-        truth = self.problem(Structure.parse(question.truth), nothing)
-
-        def recorded(empty: Recording) -> Recording:
-            y = predict_many(truth.structure, values, empty, self.settings, initial_state=truth.initial_states[0])
-            return replace(empty, y=y[:, :, 0])
-
-        speed = replace(
-            nothing, y=nothing.y[:1], outputs=(Signal("speed", "velocity", "rad/s"),), resolution=np.ones(1)
-        )
+        nothing, state = self.recording(torque), InitialState(0.0, 0.0)
+        signal = Signal("speed", "velocity", "rad/s")  # of the truth it is known, whatever the sensor
+        empty = (nothing, replace(nothing, y=nothing.y[:1], outputs=(signal,), resolution=np.ones(1)))
+        shown = [predict_many(truth, values, r, self.settings, initial_state=state)[:, :, 0] for r in empty]
+        if not all(np.isfinite(y).all() for y in shown):
+            return None
+        measured, speed = (self.problem(rival, replace(r, y=y)) for r, y in zip(empty, shown, strict=True))
         space = self._space_within(question.rival, scales)
         drawn = space.sample(samples, np.random.default_rng(0))
         own = {**question.rival.values, **question.values}
         for k, name in enumerate(space.names):
             drawn[k] = drawn[k] if name in shapes else own[name]
-        found = with_regressed_sizes(self.problem(rival, recorded(speed)), space, self.settings, space.clip(drawn))
+        found = with_regressed_sizes(speed, space, self.settings, space.clip(drawn))
         if found is None:
             return None
-        costs = self.problem(rival, recorded(nothing)).costs(space.named(found), self.settings)
+        costs = measured.costs(space.named(found), self.settings)
         return self.space(question.rival).to_scaled(found[:, np.argmin(costs)])
 
     def begin_in_gaps(self, system: StateSpace) -> dict[str, float]:

@@ -6,6 +6,7 @@ Rivals begin where the recordings so far have left them, or where their torques 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +31,7 @@ class _Policy:
     most_damping: float = 10.0  #: Damping above which a rival counts as fitted.
     negligible: float = 0.01  #: Relative decrease that is not worth another step,
     irrelevant: float = 0.1  #: and decrease of a deviance that changes no power.
+    near: float = 2.0  #: Factor of a shape within which the normal equations of the recordings so far hold.
     samples: int = 16  #: Shapes of a rival's effects that are tried with torques like those of the truth.
 
 
@@ -113,17 +115,23 @@ def refitted(drive: PlannedDrive, q: Question, torque: Array, truth: Array, scal
     Where friction sticks and slips, a motion may be far from linear in them.
     """
     shared = {name: q.values.get(name, value) for name, value in q.rival.values.items()}
-    found, smooth = _descended(drive, q, torque, truth, drive.theta(q.rival), scales)
-    if smooth:
-        return found
+    end = _descended(drive, q, torque, truth, drive.theta(q.rival), scales)
+    if end.smooth:
+        return end.remaining
     begin = drive.theta(replace(q.rival, values=shared))
-    return min(found, _descended(drive, q, torque, truth, begin, scales)[0])
+    return min(end.remaining, _descended(drive, q, torque, truth, begin, scales).remaining)
 
 
-def _descended(
-    drive: PlannedDrive, q: Question, torque: Array, truth: Array, begin: Array, scales: Scales
-) -> tuple[float, bool]:
-    """Sum of squares that remains after Levenberg-Marquardt steps of the rival, and if they came to an end.
+class _End(NamedTuple):
+    """End of a descent."""
+
+    remaining: float  #: Sum of squares.
+    theta: Array  #: Scaled parameters, shape (P,).
+    smooth: bool  #: True if the steps came to an end.
+
+
+def _descended(drive: PlannedDrive, q: Question, torque: Array, truth: Array, begin: Array, scales: Scales) -> _End:
+    """Levenberg-Marquardt steps of the rival.
 
     What one more step would take off at first order counts as taken off: where the descent gets stuck, nobody knows.
     The recordings so far are linear in the parameters themselves, not in their logarithms: sizes of effects may change
@@ -149,7 +157,7 @@ def _descended(
     best, H, g = at(theta)
     for _ in range(POLICY.steps):
         if not np.isfinite(best):
-            return 0.0, False
+            return _End(0.0, theta, False)
         d = _least_squares_step(H + damping * np.diag(np.diag(H)), g, (low - theta, high - theta))
         smooth = damping == 0.0 and -float(2.0 * d @ g + d @ H @ d) <= max(POLICY.negligible * best, POLICY.irrelevant)
         if smooth or damping > POLICY.most_damping:
@@ -161,16 +169,16 @@ def _descended(
         else:
             damping = max(10.0 * damping, POLICY.first_damping)
     d = _least_squares_step(H, g, (low - theta, high - theta))
-    return max(best + min(float(2.0 * d @ g + d @ H @ d), 0.0), 0.0), smooth
+    return _End(max(best + min(float(2.0 * d @ g + d @ H @ d), 0.0), 0.0), theta, smooth)
 
 
 def refitted_from_torques(drive: PlannedDrive, q: Question, torque: Array, truth: Array, scales: Scales) -> float:
     """Sum of squares that remains when the rival begins with torques that balance those of the truth.
 
     Stribeck friction that fades slowly is like Coulomb friction with less viscous friction, for example. No descent
-    leads there from where the recordings so far have left it, and their normal equations do not hold so far away. There
-    they are taken to say nothing of single torques, since others could have stood for them. No less remains than the
-    recordings so far leave alone.
+    leads there from where the recordings so far have left it. Their normal equations hold while the shapes of torques,
+    such as the speed at which friction fades, stay near. Further away they are taken to say nothing of single torques,
+    since others could have stood for them. No less remains than the recordings so far leave alone.
 
     Parameters
     ----------
@@ -194,7 +202,10 @@ def refitted_from_torques(drive: PlannedDrive, q: Question, torque: Array, truth
     begin = drive.start_by_torques(q, shapes, torque, scales, POLICY.samples) if shapes & set(q.rival.names) else None
     if begin is None:
         return np.inf
-    found = _descended(drive, with_free(q, sizes | shapes), torque, truth, begin, scales)[0]
+    end = _descended(drive, with_free(q, sizes | shapes), torque, truth, begin, scales)
+    change = np.abs(end.theta - drive.theta(q.rival))[[name in shapes for name in q.rival.names]]
+    if change.max() < np.log(POLICY.near):
+        end = _descended(drive, q, torque, truth, end.theta, scales)
     H, g, none = np.array(q.rival.information), np.array(q.gradient), np.zeros(0)
     so_far = remaining(H, g, q.deviance, none, np.zeros((0, g.size)), drive.steps_to_bounds(q.rival, scales))
-    return max(found, so_far)
+    return max(end.remaining, so_far)
