@@ -86,6 +86,8 @@ def torque_of(drive: PlannedDrive, family: Family, numbers: Array, setting: Sett
 
 def _with_limited_slope(torque: Array, step: float) -> Array:
     """Torque that changes by no more than `step` per sample: it follows the wanted one, as a drive's own limiter."""
+    if np.abs(np.diff(torque)).max(initial=0.0) <= step:
+        return torque
     out, now = np.empty_like(torque), float(torque[0])
     for k, wanted in enumerate(torque.tolist()):
         now = min(max(wanted, now - step), now + step)

@@ -139,9 +139,10 @@ class PlannedDrive:
         found: dict[int, Array] = {}
         for (structure, *names), numbers in alike.items():
             values = {n: np.array([questions[k].values[n] for k in numbers]) for n in names}
-            gaps = self.begin_in_gaps(self.system(structure, values))
+            parsed = Structure.parse(structure)
+            gaps = self.begin_in_gaps(self.system(structure, values)) if parsed.has_hard_limit else {}
             values |= {n: np.full(len(numbers), share) for n, share in gaps.items()}
-            y = self.problem(Structure.parse(structure), self.recording(torque)).residuals(values, self.settings)
+            y = self.problem(parsed, self.recording(torque)).residuals(values, self.settings)
             found |= dict(zip(numbers, self.whiten(y, torque.size).T, strict=True))
         return [found[k] for k in range(len(questions))]
 
