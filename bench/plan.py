@@ -15,7 +15,7 @@ large as the limits allow. Both recordings are identified jointly. An effect is 
 or *not needed* and smaller than what matters. Its predicted power is the least over the questions between structures
 with and without it: between equivalent ones if there are some, else at the least size that matters. Where all effects
 have a power below 0.5, only the planned motion is recorded. The drives have up to `--masses` masses, and the search
-offers as many. A plan is made as by the command, but that it tries no wider limits where nothing decides.
+offers as many. A plan tries as many motions as the command does. Only wider limits are not tried where nothing decides.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ import argparse
 import itertools
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -343,21 +342,7 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
             ["predicted power", "effects", "its mean", "decided rightly"],
             bins,
         ),
-        Table(
-            f"Plan and chirp by effect{about}",
-            ["effect", "both", "plan alone", "chirp alone", "neither"],
-            by_effect(compared),
-        ),
     ]
-
-
-def by_effect(rows: Sequence[Mapping]) -> list[list[str]]:
-    """Effects that a plan and a chirp decide rightly, by effect."""
-    lines = []
-    for effect in sorted({r["effect"] for r in rows}):
-        pairs = Counter((is_right(r, "plan"), is_right(r, "chirp")) for r in rows if r["effect"] == effect)
-        lines.append([effect, *(str(pairs[both]) for both in itertools.product((True, False), repeat=2))])
-    return lines
 
 
 def demo_tables() -> list[Table]:

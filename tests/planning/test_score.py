@@ -170,3 +170,19 @@ def test_refitted_from_torques__recordings_so_far_know_the_friction__what_they_s
     assert found == pytest.approx(refitted(drive, question, TORQUE, outputs, scales), rel=0.05)
     vague = replace(question, rival=replace(rival, information=tuple((0.0,) * 4 for _ in range(4))))
     assert refitted_from_torques(drive, vague, TORQUE, outputs, scales) < 0.5 * found
+
+
+@pytest.mark.parametrize("kind", ["velocity", "speed", "acceleration"])
+def test_start_by_torques__any_sensor__finds_the_friction_of_the_truth(kind):
+    truth = {"J1": 0.02, "M_S": 0.5, "omega_S": 4.0}
+    left = {"J1": 0.02, "M_S": 1e-3, "omega_S": 0.1}
+    rival = Known("one_mass+stribeck", left, tuple(left), tuple((0.0,) * 3 for _ in range(3)))
+    question = Question(("stribeck",), "size", "one_mass+stribeck", {}, rival, (0.0,) * 3, 0.0, 2, 7.8)
+    drive = known_drive()
+    unit = "rad/s^2" if kind == "acceleration" else "rad/s"
+    output = drive.model.signals[1].model_copy(update={"kind": kind, "unit": unit})
+    model = drive.model.model_copy(update={"signals": (drive.model.signals[0], output)})
+    drive = replace(drive, model=model, known=replace(drive.known, bounds={}))
+    at = drive.start_by_torques(replace(question, values=truth), {"omega_S"}, TORQUE, drive.known.scales, 64)
+    found = np.exp(at)
+    assert found[1] * np.exp(-1.0 / found[2]) == pytest.approx(0.5 * np.exp(-1.0 / 4.0), rel=0.3)  # at 1 rad/s

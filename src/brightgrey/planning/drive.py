@@ -149,11 +149,27 @@ class PlannedDrive:
     def start_by_torques(
         self, question: Question, shapes: Collection[str], torque: Array, scales: Scales, samples: int
     ) -> Array | None:
-        """Parameters of a rival whose torques balance those of the truth, scaled, shape (P,).
+        """Parameters of a rival whose torques balance those of the truth.
 
-        Its shapes are drawn within the ranges that recordings of some scales give, `samples` times, and the best draw
-        is taken. Sizes balance the torques, and the others are those of the truth, or else of the recordings so far.
-        None where no torque can be balanced.
+        The best draw of its shapes is taken. Sizes balance the torques, and the others are those of the truth, or else
+        of the recordings so far.
+
+        Parameters
+        ----------
+        question : Question
+        shapes : collection of str
+            Parameters that are drawn.
+        torque : ndarray, shape (samples,)
+            Of the new motion, N m (N).
+        scales : Scales
+            Of the recordings that give the ranges.
+        samples : int
+            Number of draws.
+
+        Returns
+        -------
+        ndarray, shape (P,), or None
+            In the scaled space. None where no torque can be balanced, or the truth diverges.
         """
         rival, truth = (Structure.parse(name) for name in (question.rival.structure, question.truth))
         values = {n: np.array([v]) for n, v in question.values.items()}

@@ -113,6 +113,17 @@ def refitted(drive: PlannedDrive, q: Question, torque: Array, truth: Array, scal
 
     It begins where the recordings so far have left it, and with the truth's values of the parameters that both have.
     Where friction sticks and slips, a motion may be far from linear in them.
+
+    Parameters
+    ----------
+    drive : PlannedDrive
+    q : Question
+    torque : ndarray, shape (samples,)
+        Of the new motion, N m (N).
+    truth : ndarray, shape (residuals,)
+        Whitened outputs of the truth in it.
+    scales : Scales
+        Of the recordings so far and the new one, which give the ranges.
     """
     shared = {name: q.values.get(name, value) for name, value in q.rival.values.items()}
     end = _descended(drive, q, torque, truth, drive.theta(q.rival), scales)
