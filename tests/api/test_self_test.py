@@ -89,6 +89,14 @@ def test_selftest__number_of_workers__same_bytes(result, brief):
     assert selftest(result, draws=2, fast=True, workers=3).text() == brief.text()
 
 
+def test_selftest__found_only__first_drive_with_the_same_draws(result, brief):
+    tested = selftest(result, draws=2, fast=True, found_only=True)
+    assert len(brief.drives) > 1
+    assert tested.drives == brief.drives[:1]
+    assert tested.stable == brief.stable
+    assert not any("not needed" in sentence for sentence in tested.sentences)
+
+
 def test_selftest__other_seed__other_noise(result, brief):
     other = selftest(result, draws=2, fast=True, seed=1)
     assert other.found.parameters["J1"].mean_error != brief.found.parameters["J1"].mean_error

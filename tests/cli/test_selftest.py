@@ -36,6 +36,13 @@ def test_selftest__fast__prints_tables_and_sentences_and_writes_both_files(run):
     assert not (run / KEPT).exists()
 
 
+def test_selftest__found_only__no_line_on_other_drives(run):
+    done = call("selftest", run, "--draws", 1, "--fast", "--found-only")
+    assert (done.code, done.err) == (0, "")
+    assert "the found model" in done.out
+    assert "with a constant load" not in done.out
+
+
 def test_selftest__json__is_the_file(run):
     done = call("selftest", run, "--draws", 1, "--fast", "--json")
     assert json.loads(done.out) == json.loads((run / "selftest.json").read_text(encoding="utf-8"))

@@ -44,6 +44,7 @@ def selftest(
     *,
     draws: int = 10,
     fast: bool = False,
+    found_only: bool = False,
     seed: int = 0,
     workers: int = 1,
     recordings: Sequence[Recording] = (),
@@ -65,6 +66,9 @@ def selftest(
     fast : bool
         Begin each identification at the optima of the run and seek no others. That shows what noise does to the
         result, and leaves out that a search may miss an optimum.
+    found_only : bool
+        Simulate the found model only. That says how stable the result is, and is faster. It leaves out if an equivalent
+        structure would be told apart, and if an effect that is *not needed* would be noticed.
     seed : int
         Seed of the noise. The same seed gives the same bytes, for any number of workers.
     workers : int
@@ -108,7 +112,7 @@ def selftest(
         request = replace(request, optima={**optima, **dict(minimal[:1])}, offered=offered)
     verdicts = dict(tested.model.evidence or {})
     not_needed = [effect for effect, verdict in verdicts.items() if verdict == "not needed"]
-    drives = simulated_drives(request.task, minimal, not_needed)
+    drives = simulated_drives(request.task, minimal, not_needed)[: 1 if found_only else None]
     noises = sensor_noises(request.task, *minimal[0])
     key = digest(tested.record.text(), tested.model.text(), canonical([fast, seed]), source_hash())
     repetitions = _Repetitions(request, drives, noises, seed, stop or Stop(), tested.folder, key)

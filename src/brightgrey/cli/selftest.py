@@ -27,6 +27,14 @@ def selftest(
             rich_help_panel=RUN,
         ),
     ] = False,
+    found_only: Annotated[
+        bool,
+        typer.Option(
+            "--found-only",
+            help="Simulate the found model only: no equivalent structure, and no effect that is not needed.",
+            rich_help_panel=RUN,
+        ),
+    ] = False,
     seed: Seed = 0,
     workers: Workers = CORES,
     quiet: Quiet = False,
@@ -48,6 +56,6 @@ def selftest(
         from brightgrey.api.self_test import selftest as test
         from brightgrey.api.self_test import write_selftest
 
-        found = test(run, draws=draws, fast=fast, seed=seed, workers=workers, progress=progress, stop=stop)
+        found = test(run, draws=draws, fast=fast, found_only=found_only, seed=seed, workers=workers, progress=progress, stop=stop)
         write_selftest(found, run)
     show.self_test(found, run, quiet=quiet, json=json)
