@@ -56,6 +56,15 @@ def selftest(
         from brightgrey.api.self_test import selftest as test
         from brightgrey.api.self_test import write_selftest
 
-        found = test(run, draws=draws, fast=fast, found_only=found_only, seed=seed, workers=workers, progress=progress, stop=stop)
+        found = test(
+            run,
+            draws=draws,
+            fast=fast,
+            found_only=found_only,
+            seed=seed,
+            workers=workers,
+            progress=progress,
+            stop=stop,
+        )
         write_selftest(found, run)
     show.self_test(found, run, quiet=quiet, json=json)
