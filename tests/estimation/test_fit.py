@@ -111,6 +111,7 @@ def test_fit__emps__is_close_to_the_published_values(measured):
     assert f.initial_states[0]["v1"] == 0.0
 
 
+@pytest.mark.long
 def test_fit__mte360__needs_the_second_mass(measured):
     r = read_recording(
         measured("mte360/velocity_response_1_5.mat"),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft, rfft
+from numpy.fft import irfft, rfft
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.noise.autoregression import Autoregression, levinson, noise_models

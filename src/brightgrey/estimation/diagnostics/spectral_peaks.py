@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.fft import rfft
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len, rfft
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.diagnostics.options import PEAK_DEFAULTS, PeakOptions
@@ -69,7 +69,7 @@ def highest_peak(
     if not above[best] > 1.0:
         return None
     k = int(bins[best])
-    frequency = k / (next_fast_len(n, real=True) * dt)
+    frequency = k / (n * dt)
     of_input = _eigenspectra(u, tapers)[:, k]
     cross = abs(np.vdot(of_input, pieces[:, k])) ** 2
     powers = float(np.vdot(of_input, of_input).real * np.vdot(pieces[:, k], pieces[:, k]).real)
@@ -82,7 +82,7 @@ def _eigenspectra(x: Array, tapers: int) -> NDArray[np.complex128]:
     n = len(x)
     k = np.arange(1, tapers + 1)[:, None]
     sines = np.sqrt(2.0 / (n + 1.0)) * np.sin(np.pi * k * np.arange(1, n + 1) / (n + 1.0))
-    return np.asarray(rfft((x - x.mean()) * sines, next_fast_len(n, real=True), axis=1))
+    return np.asarray(rfft((x - x.mean()) * sines, axis=1))
 
 
 def _tested_bins(count: int, tapers: int, options: PeakOptions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
+from numpy.fft import irfft, rfft
 from scipy.linalg import solve_toeplitz
 
 from brightgrey.arrays import Array
@@ -72,10 +72,10 @@ class Autoregression:
 
     def autocovariance(self, count: int) -> Array:
         """Autocovariance of e at lags 0 to ``count - 1``."""
-        length = next_fast_len(POLICY.spectrum_length * max(count, len(self.a)), real=True)
+        length = _fast_length(POLICY.spectrum_length * max(count, len(self.a)))
         c = self._wrapped_autocovariance(length)
         while 4 * length <= POLICY.longest_spectrum:
-            shorter, length = c, next_fast_len(2 * length, real=True)
+            shorter, length = c, _fast_length(2 * length)
             c = self._wrapped_autocovariance(length)
             if abs(c[0] - shorter[0]) <= POLICY.wrapped * c[0]:
                 break
@@ -119,7 +119,7 @@ class Autoregression:
             is the Toeplitz matrix of p autocovariances, and move the spectrum at the frequencies of g.
         """
         n = len(g)
-        length = next_fast_len(2 * n, real=True)
+        length = _fast_length(2 * n)
         response = rfft(self.a, length)
         share = np.abs(rfft(g, length, axis=0)) ** 2 / np.abs(response[:, None]) ** 2
         total = np.maximum(share.sum(axis=0), np.finfo(float).tiny)
@@ -198,10 +198,15 @@ def levinson(c: Array) -> Autoregression | None:
     return Autoregression(tuple(a.tolist()), variance)
 
 
+def _fast_length(samples: int) -> int:
+    """Length of at least so many samples that a Fourier transform takes little time for: a power of two."""
+    return 1 << (samples - 1).bit_length()
+
+
 def times_autocovariance(c: Array, X: Array) -> Array:
     """Multiply X, shape (samples, P), by the Toeplitz matrix of the autocovariances c, shape (samples,)."""
     n = len(c)
-    length = next_fast_len(2 * n, real=True)
+    length = _fast_length(2 * n)
     ring = np.zeros(length)
     ring[:n] = c
     ring[length - n + 1 :] = c[:0:-1]
@@ -214,7 +219,7 @@ def lag_sums(X: Array, Y: Array, count: int) -> Array:
     n = len(X)
     if count <= POLICY.direct_lags:
         return np.array([np.einsum("tp,tp->", X[: n - k], Y[k:]) for k in range(count)])
-    length = next_fast_len(2 * n, real=True)
+    length = _fast_length(2 * n)
     product = np.conj(rfft(X, length, axis=0)) * rfft(Y, length, axis=0)
     return np.asarray(irfft(product.sum(axis=1), length)[:count])
 

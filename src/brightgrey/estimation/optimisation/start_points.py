@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.fft import rfft, rfftfreq
 from numpy.typing import NDArray
-from scipy.fft import rfft, rfftfreq
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.options import START_POINT_DEFAULTS, StartPointOptions
@@ -164,7 +164,7 @@ def _spectrum(problem: SimulationErrorProblem, residual: Array) -> tuple[Array, 
         for error in errors:
             own = 2.0 * np.pi * rfftfreq(2 * len(error), r.dt)
             power += np.interp(frequencies, own, _power(error, 2 * len(error)), right=0.0)
-    return frequencies, power
+    return np.asarray(frequencies), power
 
 
 def _local_minima(lines: NDArray[np.int64], cost: Array, neighbours: int) -> NDArray[np.bool_]:
