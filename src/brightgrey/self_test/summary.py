@@ -152,17 +152,23 @@ def self_test_sentences(found: SelfTest) -> tuple[str, ...]:
     return tuple(said)
 
 
+def _all_draws(found: SelfTest) -> str:
+    return f"all {found.draws} draws" if found.draws > 1 else "the one draw"
+
+
 def _on_verdicts(found: SelfTest) -> list[str]:
     """Sentences on the verdicts that changed, and on the effects that were not detected."""
     fragile = {e: c for e, c in found.stable.items() if c.hits < c.of}
     if not fragile:
-        said = [f"Every verdict was the same in all {found.draws} draws."]
+        said = [f"Every verdict was the same in {_all_draws(found)}."]
     else:
         shown = ", ".join(f"{effect_in_words(Placed.parse(e))} in {c.hits} of {c.of}" for e, c in fragile.items())
         said = [f"The noise changed some verdicts, which came out again in these draws: {shown}."]
     at_size = [d for d in found.drives if d.noticed is not None and d.effect]
     if at_size and all(d.noticed and d.noticed.hits == d.noticed.of for d in at_size):
-        said.append("Each effect that is not needed was noticed in all draws at the least size that matters.")
+        said.append(
+            f"Each effect that is not needed was noticed in {_all_draws(found)} at the least size that matters."
+        )
     elif at_size:
         shown = ", ".join(
             f"{effect_in_words(Placed.parse(d.effect or ''))} in {d.noticed.hits} of {d.noticed.of}"
