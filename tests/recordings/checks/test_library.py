@@ -80,6 +80,16 @@ def test_remedies__two_recordings_with_one_fault__one_option_for_a_column(made, 
     assert gear.startswith("velocity=")
 
 
+@pytest.mark.parametrize("gain", [1.0, -1.0])
+def test_input_sign__one_direction_and_friction_that_falls_with_speed__is_left_open(made, gain):
+    """Whatever drives a load in one direction at a steady speed, its torque may fall with speed."""
+    t, rng = E.dt * np.arange(E.samples), np.random.default_rng(4)
+    speed = 20.0 + np.sin(2.0 * np.pi * 0.7 * t)
+    torque = gain * (1.0 - 0.1 * (speed - 20.0)) + 0.01 * rng.standard_normal(t.size)
+    velocity = speed + 0.01 * rng.standard_normal(t.size)
+    assert said(made("velocity", u=torque, velocity=velocity), "sign of the input") == []
+
+
 def test_input_sign__sine_of_one_frequency__is_left_open(made):
     """The second derivative of a sine is the sine with its sign turned, so that elasticity could turn it."""
     t = E.dt * np.arange(E.samples)
@@ -177,6 +187,13 @@ def test_repeated_samples__at_random__are_counted(made, motion):
     assert float(mind.figure.split()[0]) == pytest.approx(18.0, abs=3.0)
 
 
+def test_repeated_samples__drive_at_rest__no_fault(made, motion):
+    """Noise of the speed ends at rest, where an encoder does not move."""
+    y = motion["velocity"] + NOISE["velocity"] * np.random.default_rng(3).standard_normal(E.samples)
+    y[: E.samples // 2] = 0.0
+    assert said(made("velocity", velocity=0.02 * np.round(y / 0.02)), "repeated samples") == []
+
+
 def test_repeated_samples__every_fourth_row_is_new__suggests_to_keep_these(made, motion):
     (mind,) = said(made("velocity", velocity=np.repeat(motion["velocity"][::4], 4)[: E.samples]), "repeated samples")
     assert mind.remedy == {"decimate": 4}
@@ -204,6 +221,15 @@ def test_differenced_velocity__fast_motion__names_the_kind(made):
 def test_limits__clipped_output__is_minded(made, motion):
     y = np.minimum(motion["velocity"], 0.8 * motion["velocity"].max())
     assert said(made("velocity", velocity=y), "limits", "mind")
+
+
+def test_outliers__rounded_position_that_stops_and_starts__no_jump(made):
+    """A step of the resolution is no jump, however still the drive stands around it."""
+    speed = np.zeros(E.samples)
+    speed[E.samples // 4 : E.samples // 2] = 2e-3 / E.dt
+    rng = np.random.default_rng(2)
+    position = np.round(np.cumsum(speed) * E.dt + 2e-5 * rng.standard_normal(E.samples), 4)
+    assert said(made("position", position=position), "outliers") == []
 
 
 def test_outliers__single_sample_and_wrapping_counter(made, motion):

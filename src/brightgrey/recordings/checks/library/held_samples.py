@@ -26,7 +26,7 @@ class _Policy:
     least: int = 50
     """Moving samples without which nothing is said."""
     moves: float = 1.5
-    """Steps of the resolution per sample from which a channel without noise moves."""
+    """Steps of the resolution per sample from which a channel moves."""
     beside: int = 5
     """Samples on either side over which a slope is taken."""
 
@@ -86,10 +86,12 @@ def _regular(repeated: NDArray[np.bool_]) -> int:
 
 
 def _moving_steps(values: Array) -> Array:
-    """Differences of neighbours where a channel moves: all if noise moves it, else those of more than a step."""
+    """Differences of neighbours where a channel moves, by noise or by its slope: a drive at rest repeats its samples."""
     steps, size = np.diff(values), resolution(values)
     if noise_of(values[np.append(True, steps != 0.0)]) > size:  # repeated samples have none
-        return np.asarray(steps)
+        reach = POLICY.beside * int(np.median(np.diff(np.flatnonzero(steps), prepend=0)))
+        around = np.ones(2 * reach + 1) / (2 * reach + 1)
+        return np.asarray(steps[np.convolve(np.abs(steps), around, "full")[reach:-reach] > POLICY.moves * size])
     padded = np.pad(values, (POLICY.beside - 1, POLICY.beside), mode="edge")
     slope = (padded[2 * POLICY.beside - 1 :] - padded[: 1 - 2 * POLICY.beside])[: steps.size] / (2 * POLICY.beside - 1)
     return np.asarray(steps[np.abs(slope) > POLICY.moves * size])

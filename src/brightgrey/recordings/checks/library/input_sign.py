@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from brightgrey.numerics.distributions import norm
 from brightgrey.recordings.checks.check import Check, CheckResult, passed, stop
 from brightgrey.recordings.checks.examined import Examined
 from brightgrey.recordings.checks.force_balance import ForceBalance, balances, most_explaining, natural_misfit
@@ -20,6 +21,8 @@ class _Policy:
     """Probability of the test by chance."""
     explained: float = 0.5
     """Part of the input that the balance with the sign turned has to explain."""
+    reverses: float = 0.02
+    """Part of the largest speed from which a speed of the other sign counts as motion."""
 
 
 POLICY = _Policy()
@@ -30,19 +33,23 @@ def run(examined: Examined) -> Iterator[CheckResult]:
     if not (found := balances(examined)):
         return
     by_order = [[b for b in found if b.order == order] for order in sorted({b.order for b in found})]
-    tests = [_compare_signs(most_explaining(each)) for each in by_order]
-    clearest = max(tests, key=lambda test: abs(test.ratio))
+    best = [most_explaining(each) for each in by_order]
+    tests = [_compare_signs(each) for each in best]
+    clearest, of_clearest = max(zip(tests, best, strict=True), key=lambda pair: abs(pair[0].ratio))
     figure = (
         f"as it is {100 * (1 - clearest.as_it_is):.0f} %, turned {100 * (1 - clearest.turned):.0f} % of the input are"
         " explained"
     )
     threshold = f"p < {POLICY.level:g}"
     critical = -2.0 * np.log(POLICY.level)
-    if (
+    seems_turned = (
         clearest.turned < 1.0 - POLICY.explained
         and clearest.ratio > critical
         and all(t.ratio > -critical for t in tests)
-    ):
+    )
+    if seems_turned and not _shows_sign(of_clearest):
+        yield passed("the speed keeps its sign and hardly changes: that does not tell the sign of the input", threshold)
+    elif seems_turned:
         yield stop(
             figure,
             f"a positive '{examined.recording.input.name}' slows the motion down: turn its sign, --input-gain -1 (times"
@@ -65,6 +72,18 @@ def _compare_signs(found: ForceBalance) -> _Comparison:
     (as_it_is, few), (turned, many) = natural_misfit(found, 1.0), natural_misfit(found, -1.0)
     samples = many if turned < as_it_is else few
     return _Comparison(as_it_is, turned, samples * float(np.log(max(as_it_is, 1e-12) / max(turned, 1e-12))))
+
+
+def _shows_sign(found: ForceBalance) -> bool:
+    """True if a balance of the wrong sign means that the sign is wrong.
+
+    While the speed keeps its sign, friction that falls with speed looks like friction of the wrong sign. Then only an
+    inertia tells that is clearly negative.
+    """
+    v = found.motion.velocity
+    if min(v.max(), -v.min()) > POLICY.reverses * float(np.abs(v).max()):
+        return True
+    return found.deviations("inertia") < -norm.isf(POLICY.level)
 
 
 CHECK = Check("sign of the input", "Does a positive input accelerate the motion?", run)

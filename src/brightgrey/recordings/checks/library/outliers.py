@@ -116,8 +116,9 @@ def _jumps(x: Array, single: Array) -> Array:
 
     An impact changes the speed at once, but never the position. The difference of the two parabolas in the middle is
     compared with its usual size: the largest of so many Gaussian numbers (Bonferroni) is no chance. A jump is as large
-    between the shortest parabolas as between longer ones; a motion that is none grows with the third power of their
-    length. `single` are outliers, which jump back.
+    between its two samples, and between the shortest parabolas, as between longer ones; a motion that is none grows
+    with the third power of their length. It is more than one step of the resolution. `single` are outliers, which jump
+    back.
     """
     steps = np.diff(x)
     near = np.abs(np.median(np.lib.stride_tricks.sliding_window_view(np.pad(steps, 2, mode="edge"), 5), axis=1))
@@ -135,6 +136,7 @@ def _jumps(x: Array, single: Array) -> Array:
         usual = median_filter(np.abs(gap), size=max(POLICY.near, 8 * span), mode="nearest")
         usual = np.maximum(usual, float(np.median(np.abs(gap)))) / norm.isf(0.25)
         stays = shortest[middle] * np.sign(gap) > 0.5 * np.abs(gap)
+        stays &= steps[middle] * np.sign(gap) > np.maximum(0.5 * np.abs(gap), 1.5 * resolution(x))
         clear = stays & (np.abs(gap) > np.maximum(limit * usual, bend + POLICY.soft * near[middle]))
         found[middle] = np.maximum(found[middle], np.where(clear, np.abs(gap) / np.maximum(usual, 1e-300), 0.0))
     for at in single.astype(int):
