@@ -128,7 +128,6 @@ def _show(found: Fleet, folder: Path, *, quiet: bool, json: bool) -> None:
     console.print()
     done = sum(m.model is not None for m in found.members)
     different = sum(bool(m.differs) for m in found.members)
-    console.print(
-        f"{done} of {len(rows)} axes identified, {len(rows) - done} failed, {different} differ from the others"
-    )
+    compared = f"{different} differ from the others" if found.quantities else "too few to say which one differs"
+    console.print(f"{done} of {len(rows)} axes identified, {len(rows) - done} failed, {compared}")
     console.print(f"The table is in {folder / 'summary.csv'}", soft_wrap=True)

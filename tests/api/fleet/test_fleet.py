@@ -58,6 +58,12 @@ def check(folder, out, count, broken, different):
         assert all(name in flagged[n] for name in factors)
 
 
+def test_fleet__two_axes__too_few_to_compare(tmp_path):
+    manifest = build(tmp_path, 2, (), {1: {"M_C": 1.6}}, seed=1)
+    done = run(manifest, tmp_path / "out")
+    assert "2 of 2 axes identified, 0 failed, too few to say which one differs" in done.out
+
+
 def test_a_fleet_with_broken_and_different_axes(tmp_path):
     broken, different = (2, 5, 9), {3: {"M_C": 1.6}, 7: {"J1": 1.5}}
     manifest = build(tmp_path, 13, broken, different, seed=1)

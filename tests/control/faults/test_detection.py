@@ -63,6 +63,21 @@ def test_detect_faults__gap_without_effect__is_not_decidable():
     assert found["load"].verdict == found["friction"].verdict == "as before"
 
 
+@pytest.mark.parametrize(
+    ("factor", "std", "verdict", "words"),
+    [
+        (1.3, 0.11, "not decidable", "A change by 50 % is neither shown nor excluded"),
+        (1.15, 0.05, "as before", "is not shown to have changed by 10 % or more, and has not changed by 50 %"),
+    ],
+)
+def test_detect_faults__interval_without_one__never_said_to_be_as_before(factor, std, verdict, words):
+    (found,) = found_in(PLAIN, case_of(PLAIN, 11, std=std, J2=factor * values_of(PLAIN)["J2"]))
+    assert found["load"].ci95[0] > 1.0
+    assert found["load"].verdict == verdict
+    assert words in found["load"].text
+    assert found["friction"].text.startswith("Friction is as before")
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_detect_faults__drive_at_rest__is_not_decidable(noise):
     still = recorded(GAP, 14, noise=0.0)

@@ -239,6 +239,18 @@ def _finding(
             f"{fault.subject} is not decidable: this recording would not show a change by "
             f"{100 * level.decidable_change:g} %. Record a motion with more acceleration, reversals and low speeds."
         )
+    elif abs(log_factor) + 1.96 * std > math.log1p(level.decidable_change):
+        verdict = "not decidable"
+        text = (
+            f"{fault.subject} is not decidable: {estimate}. A change by {100 * level.decidable_change:g} % is neither"
+            " shown nor excluded. Record a longer motion, or one with more acceleration, reversals and low speeds."
+        )
+    elif abs(log_factor) > 1.96 * std:
+        verdict = "as before"
+        text = (
+            f"{fault.subject} is not shown to have changed by {100 * level.min_change:g} % or more, and has not changed"
+            f" by {100 * level.decidable_change:g} %: {estimate}."
+        )
     else:
         verdict, text = "as before", f"{fault.subject} is as before: {estimate}."
     text = text[0].upper() + text[1:]

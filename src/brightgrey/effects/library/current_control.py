@@ -41,7 +41,7 @@ EFFECT = Effect(
         Parameter(
             "T_1",
             TIME,
-            "reset time of the current control loop",
+            "time constant of the current control loop",
             bounds=lambda s: (0.05 * s.interval, 0.1 * s.duration),
             start=lambda s: 2.0 * s.interval,
             lag=True,

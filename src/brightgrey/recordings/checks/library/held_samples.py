@@ -86,7 +86,7 @@ def _regular(repeated: NDArray[np.bool_]) -> int:
 
 
 def _moving_steps(values: Array) -> Array:
-    """Differences of neighbours where a channel moves, by noise or by its slope: a drive at rest repeats its samples."""
+    """Differences of neighbours where a channel moves, by noise or by its slope. A drive at rest repeats samples."""
     steps, size = np.diff(values), resolution(values)
     if noise_of(values[np.append(True, steps != 0.0)]) > size:  # repeated samples have none
         reach = POLICY.beside * int(np.median(np.diff(np.flatnonzero(steps), prepend=0)))
