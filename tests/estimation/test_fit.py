@@ -129,6 +129,21 @@ def test_fit__mte360__needs_the_second_mass(measured):
     assert two > 88.0
 
 
+def test_fit__given_start_on_a_motion_that_begins_in_one_direction__is_not_left_for_a_worse_optimum(measured):
+    """The first part of the recording, on which descents begin, tells friction and constant load hardly apart."""
+    r = read_recording(
+        measured("epos/drive2_start_stop_50.csv"),
+        input="Torque actual value averaged",
+        outputs=["Velocity actual value averaged:velocity"],
+        rated={"torque": "9.84 mN m"},
+    )
+    structure = PAPER.parse("one_mass+coulomb+viscous+stribeck+gravity")
+    known = fit(structure, [r], patience=2)
+    start = {name: estimate.value for name, estimate in known.estimates.items()}
+    start["friction_width"] = known.friction_width.value
+    assert fit(structure, [r], start=start, patience=0).cost < 1.001 * known.cost
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_fit__given_start_with_a_gap__is_not_left_for_a_worse_optimum(seed):
     """Descents begin on a short part of the recording there, which may lead away from what is known already."""

@@ -30,6 +30,7 @@ from brightgrey.estimation.optimisation.pattern_fit import (
     fit_by_pattern_search,
     pattern_searches,
 )
+from brightgrey.estimation.optimisation.start_points import given_starts
 from brightgrey.estimation.problem.initial_state import Initial
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH_RANGE, friction_width_nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
@@ -298,11 +299,17 @@ def _by_multistart(
     seed: int,
     options: FitOptions,
 ) -> _Descent:
-    """Best optima of a multistart search, fitted again at the final level."""
+    """Best optima of a multistart search, fitted again at the final level, and so are given starts that are better.
+
+    Descents begin on a short part of the recordings, which may lead away from what is known already.
+    """
     found = multistart(problem, space, settings, given, starts=starts, patience=patience, seed=seed)
     optima = sorted(zip(found.optima, found.starts.T, strict=True), key=lambda pair: pair[0].cost)
     finalists = _finalists(space, [optimum for optimum, _ in optima], options)
     finished = [fit_to_convergence(problem, space, final, optimum.values) for optimum in finalists]
+    least = min(fitted.cost for fitted in finished)
+    better = [v for v in given_starts(space, given) if problem.costs(space.named(v[:, None]), final)[0] < least]
+    finished += [fit_to_convergence(problem, space, final, values) for values in better]
     evaluations = found.evaluations + sum(fitted.evaluations for fitted in finished)
     tried = tuple(
         Start(space.by_name(start), space.by_name(optimum.values), optimum.cost, optimum.converged)

@@ -50,6 +50,19 @@ def test_fit__friction_reverses_at_once__is_as_sharp_as_the_recording_can_show()
         assert abs(found.estimates[name].value - truth) < 4.0 * found.estimates[name].std, name
 
 
+def test_fit__mass_that_would_stick_if_friction_reversed_at_once__keeps_the_sharpest_width():
+    """It creeps through the peak of Stribeck friction, which is lower than the friction at rest."""
+    structure, dt, speed = PAPER.parse("one_mass+coulomb+viscous+stribeck"), 1e-3, 47.5
+    truth = {"J1": 0.002, "M_C": 0.3, "f_v": 0.02, "M_S": 1.0, "omega_S": 1.1e-3 * speed}
+    u = 1.25 * np.sign(np.sin(2.0 * np.pi * 1.3 * dt * np.arange(2000) + 0.1))  # 1.3 would break it away
+    v = reference(str(structure), truth, u, dt, f_tanh=1e4 / speed)[0]
+    noise = 1e-3 * np.abs(v).max() * np.random.default_rng(4).standard_normal(v.size)
+    found = fit(structure, [make_recording(u, np.round(v + noise, 3), dt=dt)], start=truth, patience=0)
+    assert not found.friction_width.is_sharp
+    assert np.isfinite(found.settings.f_tanh)
+    assert found.train["v"].fit_percent > 99.0
+
+
 def test_fit__gain_is_given__estimates_no_width(smooth):
     found = fit(STRUCTURE, [smooth], f_tanh=2.5, patience=0)
     assert found.friction_width is None

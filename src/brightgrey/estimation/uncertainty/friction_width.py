@@ -7,7 +7,7 @@ squares, gives a profile of the likelihood.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -32,6 +32,7 @@ class WidthOptions:
     points_per_decade: int = 12
     points_refined: int = 9  #: Points between two of these, where an end of the interval is.
     level: float = 0.05  #: Chance that a width is reported although friction reverses at once.
+    other_motion: float = 1.5  #: Growth of the sum of squares at which friction that reverses at once moves otherwise.
 
 
 WIDTH_DEFAULTS = WidthOptions()
@@ -58,6 +59,9 @@ def estimated_width(
     options: WidthOptions = WIDTH_DEFAULTS,
 ) -> tuple[FrictionWidth | None, ParameterSpace, OptimumWithJacobian]:
     """Width with its interval; where the recordings show none, it is fixed at the sharpest one.
+
+    A mass that creeps through a smooth reversal may stick for good where friction reverses at once. Then the sharpest
+    width is one that the recordings show: the interval begins with it.
 
     Parameters
     ----------
@@ -88,7 +92,24 @@ def estimated_width(
         return FrictionWidth(value, (min(begin, value), max(end, value))), space, best
     sharp = space.fix(FRICTION_WIDTH, low)
     again = fit_to_convergence(problem, sharp, settings, np.delete(best.values, row))
-    return FrictionWidth(low, (0.0, end)), sharp, again
+    begin = 0.0 if _moves_alike(problem, sharp, settings, again, options) else low
+    return FrictionWidth(low, (begin, end)), sharp, again
+
+
+def _moves_alike(
+    problem: SimulationErrorProblem,
+    sharp: ParameterSpace,
+    settings: Settings,
+    best: OptimumWithJacobian,
+    options: WidthOptions,
+) -> bool:
+    """True if friction that reverses at once makes the same motion as the sharpest width, but for its last digits."""
+    if settings.level == "euler":  # which cannot stop a mass
+        return True
+    values = sharp.named(best.values[:, None])
+    del values[FRICTION_WIDTH]
+    at_once = replace(problem, friction_width=None).costs(values, replace(settings, f_tanh=np.inf))
+    return bool(at_once[0] <= options.other_motion * best.cost)
 
 
 @dataclass(frozen=True)
