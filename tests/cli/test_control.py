@@ -43,6 +43,20 @@ def test_gains__of_a_recording_in_volts_and_millimetres__are_shown_in_its_units(
     assert integral == pytest.approx(1e-3 * found.state_feedback.integral)
 
 
+@pytest.mark.parametrize("sampling_time", [0.02, 0.1])
+def test_design__slow_controller__slows_the_state_feedback_until_it_is_well_damped(drive, sampling_time):
+    found = design(load_model(drive.out / "model.json"), torque=2.0, sampling_time=sampling_time)
+    for loop in (found.state_feedback.margins(found.delay), found.observer_margins):
+        assert loop.stable
+        assert loop.sensitivity <= 2.0
+    assert any("slowed down to a settling time" in note for note in found.notes)
+
+
+def test_control__controller_faster_than_the_recording__says_what_was_not_seen(call, drive):
+    done = call("control", drive.out / "model.json", "--torque", "2", "--dt", "1e-5")
+    assert "The recording shows nothing above" in done.out
+
+
 def test_watch__healthy_drive__reports_no_change(call, drive):
     model = drive.out / "model.json"
     done = call("watch", model, drive.folder / "b.csv", "--baseline", drive.folder / "a.csv", "--json")

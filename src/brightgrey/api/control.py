@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,11 +52,17 @@ class DesignAssumptions:
         Standard deviation of the disturbance per sample, over the largest torque.
     sensor_noise : float
         Standard deviation of the measured speed, over the largest speed.
+    sensitivity : float
+        Largest peak of the sensitivity of the state feedback; below 2 a loop is well damped.
+    slowest : int
+        Times that the state feedback is made half as fast to reach that, at most.
     """
 
     largest_error: float = 0.05
     disturbance: float = 0.05
     sensor_noise: float = 1e-3
+    sensitivity: float = 2.0
+    slowest: int = 20
 
 
 DESIGN_ASSUMPTIONS = DesignAssumptions()
@@ -82,6 +88,8 @@ class Design:
         Assumed delay of the sampled controller, s.
     units : Units
         Units of the recording, for :meth:`cascade_gains` and :meth:`feedback_gains`.
+    notes : tuple of str
+        What the delay has cost, and where the model is used beyond what was recorded.
     """
 
     analyses: tuple[Analysis, ...]
@@ -91,6 +99,7 @@ class Design:
     observer_gain: NDArray[np.float64]
     delay: float
     units: Units
+    notes: tuple[str, ...] = ()
 
     def cascade_gains(self) -> list[tuple[str, float, str]]:
         """Name, value and unit of the gains of the cascade, in the units of the recording."""
@@ -200,7 +209,8 @@ def design(
     computing_time : float
         Time from sampling to output, s.
     settling_time : float
-        Time after which a constant disturbance has no more effect on the state feedback, s.
+        Time after which a constant disturbance has no more effect on the state feedback, s. It is doubled until the
+        loop is well damped in spite of the delay.
     assumptions : DesignAssumptions
 
     Returns
@@ -220,17 +230,48 @@ def design(
     settings, values = model.settings_si(), model.values_si()
     largest_torque = torque / model.units.of(TORQUE)[1]
     largest_speed, speed = settings.speed_scale, ANALYSIS.part_of_speed * settings.speed_scale
-    analyses = cascade_models(model)
-    state_feedback = design_state_feedback(
-        analyse_system(assemble(model.structure, values, settings.f_tanh, ("velocity",)), speed=speed),
-        largest_error=assumptions.largest_error * largest_speed,
-        torque=largest_torque,
-        settling_time=settling_time,
-    )
+    analyses, delay = cascade_models(model), 0.5 * dt + computing_time
+    analysis = analyse_system(assemble(model.structure, values, settings.f_tanh, ("velocity",)), speed=speed)
     noise = Noise(assumptions.disturbance * largest_torque, np.array([assumptions.sensor_noise * largest_speed]))
-    gain = kalman_gain(state_feedback.analysis.linear, noise, dt)
+    gain = kalman_gain(analysis.linear, noise, dt)
     cascade = design_cascade(analyses, total_inertia(analyses[0]), dt, computing_time=computing_time)
-    return Design(analyses, cascade, state_feedback, noise, gain, 0.5 * dt + computing_time, model.units)
+    for slower in (2.0**k for k in range(assumptions.slowest + 1)):
+        feedback = design_state_feedback(
+            analysis,
+            largest_error=slower * assumptions.largest_error * largest_speed,
+            torque=largest_torque,
+            settling_time=slower * settling_time,
+        )
+        found = Design(analyses, cascade, feedback, noise, gain, delay, model.units)
+        if _is_well_damped(found, assumptions):
+            return replace(found, notes=_notes(found, slower, settling_time, model.settings.sampling_time))
+    raise SettingsError(
+        f"no state feedback of this model is well damped with a delay of {1e3 * delay:.4g} ms; take a shorter sampling"
+        " time"
+    )
+
+
+def _is_well_damped(found: Design, assumptions: DesignAssumptions) -> bool:
+    """True if the state feedback is stable with a small peak of the sensitivity, with its Kalman filter and without."""
+    loops = (found.state_feedback.margins(found.delay), found.observer_margins)
+    return all(loop.stable and loop.sensitivity <= assumptions.sensitivity for loop in loops)
+
+
+def _notes(found: Design, slower: float, settling_time: float, recorded: float) -> tuple[str, ...]:
+    """Sentences on a design."""
+    said = []
+    if slower > 1.0:
+        said.append(
+            f"The state feedback was slowed down to a settling time of {slower * settling_time:.3g} s: with a delay of"
+            f" {1e3 * found.delay:.3g} ms a faster one is not well damped."
+        )
+    fastest = max(m.crossover for m in found.cascade.speed_margins) / (2.0 * np.pi)
+    if fastest > 0.5 / recorded:
+        said.append(
+            f"The speed loop crosses over at {fastest:.3g} Hz. The recording shows nothing above {0.5 / recorded:.3g}"
+            " Hz, half its sampling rate: a resonance there would be unknown. Record faster, or stay below it."
+        )
+    return tuple(said)
 
 
 def _state_in_words(name: str) -> str:

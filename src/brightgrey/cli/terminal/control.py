@@ -140,6 +140,7 @@ def show_design(found: Design, *, quiet: bool, json: bool) -> None:
                     "speed_noise": float(np.ravel(found.noise.outputs)[0]),
                     "margins": _margins(found.observer_margins),
                 },
+                "notes": found.notes,
             }
         )
         return
@@ -158,6 +159,8 @@ def show_design(found: Design, *, quiet: bool, json: bool) -> None:
     pairs = zip(s.analysis.states, found.observer_gain[:, 0].tolist(), strict=True)
     out.print(f"gains (SI): {', '.join(f'{name} {value:.4g}' for name, value in pairs)}", soft_wrap=True)
     out.print(f"state feedback on the estimated states: {_margins_line(found.observer_margins)}", soft_wrap=True)
+    for note in found.notes:
+        out.print(f"- {note}", soft_wrap=True)
 
 
 def _gains(rows: list[tuple[str, float, str]]) -> str:
