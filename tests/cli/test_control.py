@@ -52,9 +52,12 @@ def test_design__slow_controller__slows_the_state_feedback_until_it_is_well_damp
     assert any("slowed down to a settling time" in note for note in found.notes)
 
 
-def test_control__controller_faster_than_the_recording__says_what_was_not_seen(call, drive):
-    done = call("control", drive.out / "model.json", "--torque", "2", "--dt", "1e-5")
-    assert "The recording shows nothing above" in done.out
+def test_control__controller_faster_than_the_recording__says_what_was_not_seen(call, drive, tmp_path):
+    slow = json.loads((drive.out / "model.json").read_text(encoding="utf-8"))
+    slow["settings"]["sampling_time"] = 0.05
+    (tmp_path / "slow.json").write_text(json.dumps(slow), encoding="utf-8")
+    done = call("control", tmp_path / "slow.json", "--torque", "2", "--dt", "0.001")
+    assert "The recording shows nothing above 10 Hz, half its sampling rate" in done.out
 
 
 def test_watch__healthy_drive__reports_no_change(call, drive):
