@@ -160,6 +160,11 @@ def test_terminal__result__fits_on_one_screen():
     assert len(brief.splitlines()) <= 40
 
 
+def test_headline__search_was_stopped__begins_with_that():
+    found = headline(Content(model_with_intervals("two_mass+coulomb+viscous+stribeck"), stopped=True))
+    assert found.sentences[0].startswith("The search was stopped: this is the best structure so far")
+
+
 def test_headline__two_masses__coupled_by_a_shaft_with_its_resonance():
     found = headline(Content(model_with_intervals("two_mass+coulomb+viscous+stribeck")))
     assert re.fullmatch(

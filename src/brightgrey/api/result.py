@@ -130,6 +130,7 @@ class Result:
             differences=self.differences,
             checks=self.checkup.results,
             second_opinion=self.fit.second_opinion,
+            stopped=self.stopped,
         )
 
     def plot(self, what: str = "comparison") -> Figure:

@@ -48,6 +48,7 @@ class Content:
     differences: Sequence[Any] = ()
     checks: Sequence[CheckResult] = ()  #: Of the recordings, the gravest first.
     second_opinion: Sequence[TermOpinion] = ()  #: Balance of torques without a simulation.
+    stopped: bool = False  #: The search was stopped before its end.
 
     @cached_property
     def assembled(self) -> AssembledModel:

@@ -234,6 +234,13 @@ def test_symptoms__negligible_effect__is_named():
     assert "leave out dead time" in found["Dead time is negligible"].advice
 
 
+def test_symptoms__effect_at_its_bound_and_another_missing__is_not_called_negligible():
+    drive = measured_from("two_mass+coulomb+viscous", RIGID | {"J2": 0.008, "c1": 75.0, "d1": 0.03})
+    found = symptoms_of("one_mass+coulomb+viscous+delay", drive)
+    assert "Dead time is negligible" not in found
+    assert "the model lacks something" in found["Dead time is at its lower bound"].advice
+
+
 def context(text, values, at):
     estimates = {name: Estimate(v, 0.0, (v, v), at.get(name)) for name, v in values.items()}
     return SimpleNamespace(

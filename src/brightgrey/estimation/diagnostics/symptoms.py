@@ -65,9 +65,12 @@ def symptoms(
     (`bench/symptoms.py`).
     """
     values = context.space.by_name(context.best.values)
-    found = [*_missing_mass(context, values, scales, options), *_negligible_effects(context, values, scales)]
-    found += [_recording_fault(fault, context.problem.recordings) for fault in recording_faults(context, options)]
-    return (*found, *residual_symptoms(context, scales, options))
+    faults = [_recording_fault(fault, context.problem.recordings) for fault in recording_faults(context, options)]
+    residual = residual_symptoms(context, scales, options)
+    complete = not any(symptom.unmodelled for symptom in (*faults, *residual))
+    of_parameters = _missing_mass(context, values, scales, options)
+    of_parameters += _effects_at_bound(context, values, scales, complete=complete)
+    return (*of_parameters, *faults, *residual)
 
 
 def residual_symptoms(
@@ -113,8 +116,13 @@ def _one_more_mass(structure: Structure) -> str:
     return f"try {more}: it oscillates and lags" if more else "no effect has more masses than this one"
 
 
-def _negligible_effects(context: FitContext, values: Mapping[str, float], scales: Scales) -> list[Symptom]:
-    """Effects whose size is at its lower bound, below any relevant size."""
+def _effects_at_bound(
+    context: FitContext, values: Mapping[str, float], scales: Scales, *, complete: bool
+) -> list[Symptom]:
+    """Effects whose size is at its lower bound, below any relevant size: negligible if the model is `complete`.
+
+    Else their part may have gone to another effect, in the place of one that is missing.
+    """
     found = []
     for placed in context.problem.structure.placed:
         if placed.effect.masses:
@@ -128,13 +136,14 @@ def _negligible_effects(context: FitContext, values: Mapping[str, float], scales
         ]
         if negligible:
             observation = f"{', '.join(negligible)} is at its lower bound, below any relevant size"
-            found.append(
-                Symptom(
-                    f"{placed.effect.title} is negligible",
-                    observation,
-                    f"leave out {effect_in_words(placed)}",
+            title, advice = f"{placed.effect.title} is negligible", f"leave out {effect_in_words(placed)}"
+            if not complete:
+                title = f"{placed.effect.title} is at its lower bound"
+                advice = (
+                    "this need not be true of the drive: the model lacks something, as the other symptoms say, and"
+                    " other effects may have taken its part. Mend that first"
                 )
-            )
+            found.append(Symptom(title, observation, advice))
     return found
 
 
@@ -150,8 +159,9 @@ def _recording_fault(fault: RecordingFault, recordings: tuple[Recording, ...]) -
             "Torque drifts",
             f"the fit needs a torque that grows with the time, by {size:.3g} ± {2.0 * std:.1g} {signal.unit} over the"
             " recording",
-            "friction may change while the drive warms up, the sensor of the torque drifts, or the structure lacks an"
-            " effect: let it warm up first, or use a shorter --window",
+            "the structure may lack an effect, friction may change while the drive warms up, or the sensor of the"
+            " torque drifts. After a motion to one side first, a constant load or friction by direction looks like this:"
+            " try them, let the drive warm up, or use a shorter --window",
         )
     if fault.kind == "sign":
         name = recordings[0].input.name

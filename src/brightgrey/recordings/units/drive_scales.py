@@ -16,15 +16,15 @@ from brightgrey.recordings.units.signals import KINDS
 __all__ = ["QUANTITIES", "DriveScales", "Scaled", "check_names", "parse_value", "rated_hint"]
 
 VALUE = re.compile(r"\s*([+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?+)\s*(\S.*?)\s*")
-# Quantities that a rated value may be of, with the unit that shows their dimension.
+# Quantities that a rated value may be of, with units that show their dimension, of rotary and of linear drives.
 QUANTITIES = {
-    "torque": "N m",
-    "force": "N",
-    "current": "A",
-    "voltage": "V",
-    "speed": "rad/s",
-    "velocity": "rad/s",
-    "position": "rad",
+    "torque": ("N m", "N"),
+    "force": ("N", "N m"),
+    "current": ("A",),
+    "voltage": ("V",),
+    "speed": ("rad/s", "m/s"),
+    "velocity": ("rad/s", "m/s"),
+    "position": ("rad", "m"),
 }
 KIND_QUANTITIES = {
     "input": ("torque", "force", "current", "voltage"),
@@ -78,6 +78,9 @@ class DriveScales:
                 raise SettingsError(f"rated {name} '{text}' is not positive")
             if unit.is_part:
                 raise SettingsError(f"rated {name} '{text}': say what 100 % are in a unit, like 9.84 mN m")
+            fitting = QUANTITIES.get(name, ())
+            if fitting and unit.dimension not in {parse_unit(other).dimension for other in fitting}:
+                raise SettingsError(f"rated {name} '{text}': a {name} is in {' or '.join(fitting)}, or multiples of it")
         for name, counts in self.counts.items():
             if not (math.isfinite(counts) and counts > 0):
                 raise SettingsError(f"counts per turn {name} {counts:g} is not a positive number")

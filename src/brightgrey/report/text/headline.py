@@ -20,7 +20,7 @@ __all__ = ["Headline", "headline"]
 class Headline:
     """Sentences of a headline by what they speak of; empty where there is nothing to say."""
 
-    found: str  #: Masses, shafts and effects of the model.
+    found: str  #: Masses, shafts and effects of the model, and that the search was stopped if it was.
     absent: str  #: Effects that the recording excludes, with the size from which on they would have shown.
     fit: str  #: Fit of every output, and of the test recording.
     #: Something that nothing explains, effects that the recording does not decide, structures that explain it as well.
@@ -40,7 +40,10 @@ def headline(content: Content) -> Headline:
     content : Content
         Its model and its evidence; the linear model gives the resonances.
     """
-    return Headline(_found_sentence(content), _absent(content), _fit(content), _open(content))
+    found = _found_sentence(content)
+    if content.stopped:
+        found = f"The search was stopped: this is the best structure so far, and no effect is decided. {found}"
+    return Headline(found, _absent(content), _fit(content), _open(content))
 
 
 def _found_sentence(content: Content) -> str:
