@@ -160,7 +160,7 @@ def _recording_fault(fault: RecordingFault, recordings: tuple[Recording, ...]) -
             f"the fit needs a torque that grows with the time, by {size:.3g} ± {2.0 * std:.1g} {signal.unit} over the"
             " recording",
             "the structure may lack an effect, friction may change while the drive warms up, or the sensor of the"
-            " torque drifts. After a motion to one side first, a constant load or friction by direction looks like this:"
+            " torque drifts. After a motion to one side first, a constant load or friction by direction looks alike:"
             " try them, let the drive warm up, or use a shorter --window",
         )
     if fault.kind == "sign":

@@ -83,7 +83,7 @@ def _shows_sign(found: ForceBalance) -> bool:
     v = found.motion.velocity
     if min(v.max(), -v.min()) > POLICY.reverses * float(np.abs(v).max()):
         return True
-    return found.deviations("inertia") < -norm.isf(POLICY.level)
+    return bool(found.deviations("inertia") < -norm.isf(POLICY.level))
 
 
 CHECK = Check("sign of the input", "Does a positive input accelerate the motion?", run)
