@@ -75,6 +75,7 @@ def test_watch__healthy_drive__reports_no_change(call, drive):
         (("analyse", "--controller", "1 2"), "NUMERATOR / DENOMINATOR"),
         (("analyse", "--controller", "1 0 / 1"), "degree"),
         (("analyse", "--contact", "gapp"), "Did you mean 'gap'"),
+        (("analyse", "--contact", "gap"), "this model has no gap"),
         (("control", "--torque", "-1"), "allowed is 1e-30"),
     ],
 )

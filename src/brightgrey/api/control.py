@@ -179,10 +179,12 @@ def analyse(model: Model, *, speed: float | None = None, contact: str = "forward
     Raises
     ------
     SettingsError
-        For an unknown contact, or if no such motion exists.
+        For an unknown contact, an open gap of a model without one, or if no such motion exists.
     """
     settings = model.settings_si()
     system = assemble(model.structure, model.values_si(), settings.f_tanh, _output_kinds(model))
+    if contact == "gap" and not model.structure.has_hard_limit:
+        raise SettingsError("contact 'gap': this model has no gap; take forward or backward")
     at = ANALYSIS.part_of_speed * settings.speed_scale if speed is None else speed / model.units.of(SPEED)[1]
     return analyse_system(system, speed=at, contact=contact)
 
