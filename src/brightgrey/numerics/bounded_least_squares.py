@@ -34,14 +34,14 @@ def bounded_least_squares(A: Array, b: Array, low: Array, high: Array) -> Array:
         return np.asarray(x)
     q, r = np.linalg.qr(A)
     target = q.T @ b
-    ends = [(np.nan, *(end for end in both if np.isfinite(end))) for both in zip(low, high, strict=True)]
-    choices = np.array(list(itertools.product(*ends)))  # shape (choices, n); NaN for a variable that is free
-    free = np.isnan(choices)
-    fixed = np.where(free, 0.0, choices)
-    solved = np.linalg.pinv(r * free[:, None, :], rcond=1e-12) @ (target - fixed @ r.T)[:, :, None]
-    found = np.where(free, solved[:, :, 0], choices)
-    inside = np.all((found >= low) & (found <= high), axis=1)
-    if not inside.any():
-        return np.asarray(np.clip(np.zeros_like(x), low, high))
-    misfit = np.square(found @ r.T - target).sum(axis=1)
-    return np.asarray(found[np.argmin(np.where(inside, misfit, np.inf))])
+    best, least = np.clip(np.zeros_like(x), low, high), np.inf
+    # None is a variable that is free; at least one of those that have a bound is at it.
+    choices = [(None, *(e for e in ends if np.isfinite(e))) for ends in zip(low, high, strict=True)]
+    for choice in itertools.product(*choices):
+        free = np.array([end is None for end in choice])
+        found = np.array([0.0 if end is None else end for end in choice])
+        found[free] = np.linalg.lstsq(r[:, free], target - r @ found, rcond=1e-12)[0]
+        misfit = float(np.square(r @ found - target).sum())
+        if misfit < least and np.all((found >= low) & (found <= high)):
+            best, least = found, misfit
+    return np.asarray(best)
