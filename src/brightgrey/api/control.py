@@ -246,7 +246,7 @@ def design(
         )
         found = Design(analyses, cascade, feedback, noise, gain, delay, model.units)
         if _is_well_damped(found, assumptions):
-            return replace(found, notes=_notes(found, slower, settling_time, model.settings.sampling_time))
+            return replace(found, notes=_notes_on_design(found, slower, settling_time, model.settings.sampling_time))
     raise SettingsError(
         f"no state feedback of this model is well damped with a delay of {1e3 * delay:.4g} ms; take a shorter sampling"
         " time"
@@ -259,7 +259,7 @@ def _is_well_damped(found: Design, assumptions: DesignAssumptions) -> bool:
     return all(loop.stable and loop.sensitivity <= assumptions.sensitivity for loop in loops)
 
 
-def _notes(found: Design, slower: float, settling_time: float, recorded: float) -> tuple[str, ...]:
+def _notes_on_design(found: Design, slower: float, settling_time: float, recorded: float) -> tuple[str, ...]:
     """Sentences on a design."""
     said = []
     if slower > 1.0:
