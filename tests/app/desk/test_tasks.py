@@ -127,3 +127,5 @@ def test_gains__of_a_model__come_with_margins_and_a_bode_plot(small):
     }
     assert [row[0] for row in found["margins"]] == ["speed loop", "whole cascade"]
     assert len(found["figure"]["data"]) == 4
+    (slowed,) = gains(str(small.folder / "exhaustive" / "model.json"), 5.0, 0.5, 0.0)["notes"]
+    assert "was slowed down to a settling time" in slowed

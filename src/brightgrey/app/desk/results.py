@@ -120,7 +120,7 @@ _CONTACTS = {"forward": ", in contact", "gap": ", in the gap"}
 
 
 def gains(model: str, torque: float, dt: float | None, computing: float) -> dict[str, Any]:
-    """Gains of a cascade for a model, with their margins and Bode plots of the loop before and after.
+    """Gains of a cascade for a model, with their margins, notes, and Bode plots of the loop before and after.
 
     Raises
     ------
@@ -152,5 +152,6 @@ def gains(model: str, torque: float, dt: float | None, computing: float) -> dict
             )
             for loop, m in margins
         ],
+        "notes": found.notes,
         "figure": loop_figure(found),
     }

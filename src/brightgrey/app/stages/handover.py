@@ -205,6 +205,8 @@ class HandoverStage(Stage):
                     caption="Stability margins",
                     numbers=(1, 2, 3, 4),
                 )
+        for note in found["notes"]:
+            paragraph(note)
         with tag("div", "", "frame"):
             Figure(found["figure"], "Bode plot of the speed loop, the drive alone and with the controller")
 
