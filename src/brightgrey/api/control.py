@@ -211,8 +211,8 @@ def design(
     computing_time : float
         Time from sampling to output, s.
     settling_time : float
-        Time after which a constant disturbance has no more effect on the state feedback, s. It is doubled until the
-        loop is well damped in spite of the delay.
+        Time after which a constant disturbance has no more effect on the state feedback, s. It is doubled, as the
+        largest error is, until the loop is well damped in spite of all delays.
     assumptions : DesignAssumptions
 
     Returns
@@ -248,8 +248,8 @@ def design(
         if _is_well_damped(found, assumptions):
             return replace(found, notes=_notes_on_design(found, slower, settling_time, model.settings.sampling_time))
     raise SettingsError(
-        f"no state feedback of this model is well damped with a delay of {1e3 * delay:.4g} ms; take a shorter sampling"
-        " time"
+        f"no state feedback of this model is well damped with a delay of {1e3 * (delay + analysis.dead_time):.4g} ms,"
+        " the dead time of the drive included; take a shorter sampling time"
     )
 
 
@@ -263,9 +263,11 @@ def _notes_on_design(found: Design, slower: float, settling_time: float, recorde
     """Sentences on a design."""
     said = []
     if slower > 1.0:
+        dead = found.state_feedback.analysis.dead_time
+        drive = f" and the drive's dead time of {1e3 * dead:.3g} ms" if dead > 0.0 else ""
         said.append(
-            f"The state feedback was slowed down to a settling time of {slower * settling_time:.3g} s: with a delay of"
-            f" {1e3 * found.delay:.3g} ms a faster one is not well damped."
+            f"The state feedback was slowed down to a settling time of {slower * settling_time:.3g} s: with the"
+            f" controller's delay of {1e3 * found.delay:.3g} ms{drive} a faster one is not well damped."
         )
     fastest = max(m.crossover for m in found.cascade.speed_margins) / (2.0 * np.pi)
     if fastest > 0.5 / recorded:

@@ -123,6 +123,7 @@ def selftest(
         structure=str(tested.model.structure),
         draws=draws,
         fast=fast,
+        found_only=found_only,
         seed=seed,
         noise=noise_parts(tested.recordings, noises),
         verdicts=verdicts,

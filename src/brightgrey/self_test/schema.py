@@ -96,6 +96,7 @@ class SelfTest(Part):
     structure: str
     draws: int
     fast: bool
+    found_only: bool = False
     seed: int
     noise: tuple[NoisePart, ...]
     verdicts: Mapping[str, str]

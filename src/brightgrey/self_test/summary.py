@@ -144,6 +144,8 @@ def self_test_sentences(found: SelfTest) -> tuple[str, ...]:
     failed = sum(drive.failed for drive in found.drives)
     if failed:
         said.append(f"{failed} of {sum(d.found_again.of for d in found.drives)} draws gave no result.")
+    if found.found_only:
+        said.append("Only the found model was simulated: no equivalent structure, and no effect that is not needed.")
     if found.fast:
         said.append(
             "This fast test begins at the optima of the identification. It shows what noise does to the result,"

@@ -78,6 +78,13 @@ def test_detect_faults__interval_without_one__never_said_to_be_as_before(factor,
     assert found["friction"].text.startswith("Friction is as before")
 
 
+def test_detect_faults__gap_that_has_become_smaller__has_not_grown():
+    (found,) = found_in(GAP, case_of(GAP, 11, alpha=0.5 * values_of(GAP)["alpha"]))
+    assert found["backlash"].ci95[1] < 0.8
+    assert found["backlash"].verdict == "as before"
+    assert found["backlash"].text.startswith("Backlash has not grown")
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_detect_faults__drive_at_rest__is_not_decidable(noise):
     still = recorded(GAP, 14, noise=0.0)

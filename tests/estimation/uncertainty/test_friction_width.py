@@ -50,6 +50,14 @@ def test_fit__friction_reverses_at_once__is_as_sharp_as_the_recording_can_show()
         assert abs(found.estimates[name].value - truth) < 4.0 * found.estimates[name].std, name
 
 
+def test_fit__friction_reverses_at_once_and_no_noise__is_as_sharp_as_can_be():
+    """The sharpest width makes an error of its own, far below what a sensor shows."""
+    e = PAPER_EXPERIMENT
+    u = e.torque()[:1000]
+    v = reference(str(STRUCTURE), TRUTH, u, e.dt, f_tanh=np.inf)[0]
+    assert fit(STRUCTURE, [make_recording(u, v, dt=e.dt)], patience=0).friction_width.is_sharp
+
+
 def test_fit__mass_that_would_stick_if_friction_reversed_at_once__keeps_the_sharpest_width():
     """It creeps through the peak of Stribeck friction, which is lower than the friction at rest."""
     structure, dt, speed = PAPER.parse("one_mass+coulomb+viscous+stribeck"), 1e-3, 47.5

@@ -90,6 +90,15 @@ def test_input_sign__one_direction_and_friction_that_falls_with_speed__is_left_o
     assert said(made("velocity", u=torque, velocity=velocity), "sign of the input") == []
 
 
+def test_input_sign__turned_and_one_direction_from_standstill__stops(made):
+    """A fan that is started in steps."""
+    u = np.repeat(np.linspace(0.2, 2.0, 10), -(-E.samples // 10))[: E.samples]
+    (v,) = reference("one_mass+viscous", {"J1": 1e-3, "f_v": 0.02}, u, E.dt, f_tanh=200.0)
+    noisy = v + 0.05 * np.random.default_rng(3).standard_normal(v.size)
+    (stop,) = said(made("velocity", u=-u, velocity=noisy), "sign of the input", "stop")
+    assert stop.remedy == {"input_gain": -1.0}
+
+
 def test_input_sign__sine_of_one_frequency__is_left_open(made):
     """The second derivative of a sine is the sine with its sign turned, so that elasticity could turn it."""
     t = E.dt * np.arange(E.samples)
@@ -185,6 +194,15 @@ def test_repeated_samples__at_random__are_counted(made, motion):
         y[k] = y[max(k - 1, 0)]
     (mind,) = said(made("velocity", velocity=y), "repeated samples")
     assert float(mind.figure.split()[0]) == pytest.approx(18.0, abs=3.0)
+
+
+def test_repeated_samples__every_eighth_row_of_a_noisy_speed_is_new__suggests_to_keep_these(made):
+    """The noise is not much larger than the resolution."""
+    t = E.dt * np.arange(E.samples)
+    y = 20.0 * np.sin(np.pi * t) + 0.075 * np.random.default_rng(3).standard_normal(E.samples)
+    held = 0.05 * np.round(np.repeat(y[::8], 8)[: E.samples] / 0.05)
+    (mind,) = said(made("velocity", velocity=held), "repeated samples")
+    assert mind.remedy == {"decimate": 8}
 
 
 def test_repeated_samples__drive_at_rest__no_fault(made, motion):

@@ -71,7 +71,10 @@ WRONG = {
     "per cent of per cent": ({"rated": {"torque": "100 %"}}, "say what 100 % are in a unit"),
     "unknown unit": ({"rated": {"torque": "9.84 Nmx"}}, "rated torque '9.84 Nmx': unknown unit"),
     "negative": ({"rated": {"torque": "-1 N m"}}, "is not positive"),
-    "other quantity": ({"rated": {"torque": "9.84 V"}}, r"rated torque '9\.84 V': a torque is in N m or N"),
+    "other quantity": (
+        {"units": {"u": "%"}, "rated": {"torque": "9.84 V"}},
+        r"rated torque '9\.84 V': a torque is in N m or N",
+    ),
     "unknown name": ({"rated": {"torqe": "1 N m"}}, r"'torqe' is neither a column nor .* Did you mean 'torque'\?"),
     "no percent": ({"units": {"u": "A"}, "rated": {"u": "1 N m"}}, "its unit is A and not %"),
     "counts of the input": ({"counts": {"u": 4096}}, "it is the input and no motion"),

@@ -67,8 +67,8 @@ def symptoms(
     values = context.space.by_name(context.best.values)
     faults = [_recording_fault(fault, context.problem.recordings) for fault in recording_faults(context, options)]
     residual = residual_symptoms(context, scales, options)
-    complete = not any(symptom.unmodelled for symptom in (*faults, *residual))
     of_parameters = _missing_mass(context, values, scales, options)
+    complete = not any(symptom.unmodelled for symptom in (*of_parameters, *residual))
     of_parameters += _effects_at_bound(context, values, scales, complete=complete)
     return (*of_parameters, *faults, *residual)
 

@@ -32,7 +32,9 @@ class WidthOptions:
     points_per_decade: int = 12
     points_refined: int = 9  #: Points between two of these, where an end of the interval is.
     level: float = 0.05  #: Chance that a width is reported although friction reverses at once.
-    other_motion: float = 1.5  #: Growth of the sum of squares at which friction that reverses at once moves otherwise.
+    #: Growth of the sum of squares up to which friction that reverses at once makes the same motion,
+    same_motion: float = 1.5
+    same_digits: float = 10.0  #: beside so many times what the errors of simulation and sensor make.
 
 
 WIDTH_DEFAULTS = WidthOptions()
@@ -109,7 +111,8 @@ def _moves_alike(
     values = sharp.named(best.values[:, None])
     del values[FRICTION_WIDTH]
     at_once = replace(problem, friction_width=None).costs(values, replace(settings, f_tanh=np.inf))
-    return bool(at_once[0] <= options.other_motion * best.cost)
+    floor = error_variances(problem.recordings, problem.weights).ravel() @ np.array(problem.segment_lengths)
+    return bool(at_once[0] <= options.same_motion * best.cost + options.same_digits * floor)
 
 
 @dataclass(frozen=True)

@@ -78,9 +78,6 @@ class DriveScales:
                 raise SettingsError(f"rated {name} '{text}' is not positive")
             if unit.is_part:
                 raise SettingsError(f"rated {name} '{text}': say what 100 % are in a unit, like 9.84 mN m")
-            fitting = QUANTITIES.get(name, ())
-            if fitting and unit.dimension not in {parse_unit(other).dimension for other in fitting}:
-                raise SettingsError(f"rated {name} '{text}': a {name} is in {' or '.join(fitting)}, or multiples of it")
         for name, counts in self.counts.items():
             if not (math.isfinite(counts) and counts > 0):
                 raise SettingsError(f"counts per turn {name} {counts:g} is not a positive number")
@@ -132,6 +129,13 @@ class DriveScales:
         if key is None:
             return Scaled(unit)
         value, rated = parse_value(f"rated {key}", self.rated[key])
+        fitting = () if key in names else QUANTITIES[key]
+        if key == "torque" and self.torque_constant is not None:
+            fitting = (*fitting, "A")
+        if fitting and rated.dimension not in {parse_unit(other).dimension for other in fitting}:
+            raise SettingsError(
+                f"rated {key} '{self.rated[key]}': a {key} is in {' or '.join(fitting)}, or multiples of it"
+            )
         return Scaled(rated, value * unit.si)
 
     def _of_counts(self, column: str, kind: str, unit: Unit | None, counts: float) -> Scaled:

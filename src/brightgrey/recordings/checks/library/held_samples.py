@@ -40,7 +40,7 @@ def run(examined: Examined) -> Iterator[CheckResult]:
     for signal, values in zip((r.input, *r.outputs), (r.u, *r.y), strict=True):
         if is_constant(values):
             continue
-        steps = _moving_steps(values)
+        steps = _moving_steps(values, planned=signal.kind == "input")
         if steps.size < POLICY.least:
             continue
         repeated = steps == 0.0
@@ -85,16 +85,24 @@ def _regular(repeated: NDArray[np.bool_]) -> int:
     return usual if usual > 1 and float(np.mean(steps == usual)) > POLICY.regular else 0
 
 
-def _moving_steps(values: Array) -> Array:
-    """Differences of neighbours where a channel moves, by noise or by its slope. A drive at rest repeats samples."""
+def _moving_steps(values: Array, *, planned: bool) -> Array:
+    """Differences of neighbours where a channel moves, by noise or by its slope; by noise, all of a `planned` one."""
     steps, size = np.diff(values), resolution(values)
     if noise_of(values[np.append(True, steps != 0.0)]) > size:  # repeated samples have none
-        reach = POLICY.beside * int(np.median(np.diff(np.flatnonzero(steps), prepend=0)))
-        around = np.ones(2 * reach + 1) / (2 * reach + 1)
-        return np.asarray(steps[np.convolve(np.abs(steps), around, "full")[reach:-reach] > POLICY.moves * size])
+        return np.asarray(steps if planned else _not_at_rest(steps, size))
     padded = np.pad(values, (POLICY.beside - 1, POLICY.beside), mode="edge")
     slope = (padded[2 * POLICY.beside - 1 :] - padded[: 1 - 2 * POLICY.beside])[: steps.size] / (2 * POLICY.beside - 1)
     return np.asarray(steps[np.abs(slope) > POLICY.moves * size])
+
+
+def _not_at_rest(steps: Array, size: float) -> Array:
+    """Leave out where a drive rests: changes are rare there, or as small as the resolution."""
+    at = np.flatnonzero(steps)
+    since = np.diff(at, prepend=-1)  # samples from the change before
+    sizes = np.pad(np.abs(steps[at]), POLICY.beside, mode="edge")
+    around = np.convolve(sizes, np.ones(2 * POLICY.beside + 1) / (2 * POLICY.beside + 1), "valid")
+    moves = (around > POLICY.moves * size) & (since <= 2 * POLICY.beside * np.median(since))
+    return np.asarray(steps[: at[-1] + 1][np.repeat(moves, since)])
 
 
 def _by_rounding(steps: Array, size: float) -> float:

@@ -35,7 +35,7 @@ def run(examined: Examined) -> Iterator[CheckResult]:
     by_order = [[b for b in found if b.order == order] for order in sorted({b.order for b in found})]
     best = [most_explaining(each) for each in by_order]
     tests = [_compare_signs(each) for each in best]
-    clearest, of_clearest = max(zip(tests, best, strict=True), key=lambda pair: abs(pair[0].ratio))
+    clearest = max(tests, key=lambda test: abs(test.ratio))
     figure = (
         f"as it is {100 * (1 - clearest.as_it_is):.0f} %, turned {100 * (1 - clearest.turned):.0f} % of the input are"
         " explained"
@@ -47,8 +47,8 @@ def run(examined: Examined) -> Iterator[CheckResult]:
         and clearest.ratio > critical
         and all(t.ratio > -critical for t in tests)
     )
-    if seems_turned and not _shows_sign(of_clearest):
-        yield passed("the speed keeps its sign and hardly changes: that does not tell the sign of the input", threshold)
+    if seems_turned and not any(map(_shows_sign, best)):
+        yield passed("the speed keeps its sign, and its changes do not tell the sign of the input", threshold)
     elif seems_turned:
         yield stop(
             figure,
