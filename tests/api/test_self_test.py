@@ -94,7 +94,8 @@ def test_selftest__found_only__first_drive_with_the_same_draws(result, brief):
     assert len(brief.drives) > 1
     assert tested.drives == brief.drives[:1]
     assert tested.stable == brief.stable
-    assert not any("not needed" in sentence for sentence in tested.sentences)
+    assert any(sentence.startswith("Only the found model was simulated") for sentence in tested.sentences)
+    assert (tested.found_only, brief.found_only) == (True, False)
 
 
 def test_selftest__other_seed__other_noise(result, brief):
