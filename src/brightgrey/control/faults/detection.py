@@ -224,7 +224,7 @@ def _finding(
     below = float(ndtr((-limit - log_factor) / std)) if std > 0.0 else float(log_factor < -limit)
     probability = above if fault.grows else max(above, below)
     low, high = (math.exp(min(max(log_factor + s * 1.96 * std, -50.0), 50.0)) for s in (-1.0, 1.0))
-    factor, reach = math.exp(log_factor), log_factor + 1.96 * std
+    factor, furthest = math.exp(log_factor), high if fault.grows else max(high, 1.0 / low)
     estimate = f"{factor:.2f} times the model's value (95 % interval {low:.2f} to {high:.2f})"
     verdict: Literal["changed", "as before", "not decidable"]
     if probability >= level.confidence:
@@ -239,19 +239,19 @@ def _finding(
             f"{fault.subject} is not decidable: this recording would not show a change by "
             f"{100 * level.decidable_change:g} %. Record a motion with more acceleration, reversals and low speeds."
         )
-    elif (reach if fault.grows else max(reach, 1.96 * std - log_factor)) > math.log1p(level.decidable_change):
+    elif furthest > 1.0 + level.decidable_change:
         verdict = "not decidable"
         text = (
             f"{fault.subject} is not decidable: {estimate}. A change by {100 * level.decidable_change:g} % is neither"
             " shown nor excluded. Record a longer motion, or one with more acceleration, reversals and low speeds."
         )
-    elif log_factor > 1.96 * std or (not fault.grows and -log_factor > 1.96 * std):
+    elif low > 1.0 or (high < 1.0 and not fault.grows):
         verdict, done = "as before", "grown" if fault.grows else "changed"
         text = (
             f"{fault.subject} is not shown to have {done} by {100 * level.min_change:g} % or more, and has not {done}"
             f" by {100 * level.decidable_change:g} %: {estimate}."
         )
-    elif -log_factor > 1.96 * std:
+    elif high < 1.0:
         verdict, text = "as before", f"{fault.subject} has not grown: {estimate}."
     else:
         verdict, text = "as before", f"{fault.subject} is as before: {estimate}."
