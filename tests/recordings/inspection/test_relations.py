@@ -11,6 +11,7 @@ from brightgrey.recordings.inspection.relations import (
     find_derivatives,
     find_setpoints,
     is_even_time,
+    on_one_time,
 )
 
 DT = 1e-3
@@ -74,3 +75,17 @@ def test_is_even_time__counter_stamps_and_signals__are_told_apart() -> None:
     assert not is_even_time(Q)
     assert not is_even_time(np.cumsum(RNG.exponential(size=500)))
     assert not is_even_time(np.zeros(50))
+
+
+def test_on_one_time__clocks_of_their_own__pairs_equal_times() -> None:
+    slow = T[1000::7] + 0.3 * DT
+    times = {0: T, 1: slow}
+    found = on_one_time({0: Q, 1: np.interp(slow, T, Q), 2: V}, times)
+    np.testing.assert_allclose(found[0], found[1], atol=1e-5)
+    assert found[2] is V
+
+
+def test_on_one_time__no_common_time__leaves_them() -> None:
+    found = on_one_time({0: Q, 1: V}, {0: T, 1: T + 100.0})
+    assert found[0] is Q
+    assert found[1] is V

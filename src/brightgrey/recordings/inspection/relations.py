@@ -12,7 +12,23 @@ from brightgrey.recordings.inspection.meaning import MOTIONS, Meaning
 from brightgrey.recordings.inspection.profile import block_means
 from brightgrey.recordings.policy import INSPECTION
 
-__all__ = ["explained_by_motion", "find_derivatives", "find_setpoints", "is_count", "is_even_time"]
+__all__ = ["explained_by_motion", "find_derivatives", "find_setpoints", "is_count", "is_even_time", "on_one_time"]
+
+
+def on_one_time(values: Mapping[int, Array], times: Mapping[int, Array]) -> dict[int, Array]:
+    """Return channels with times of their own at the instants of the slowest of them, where all of them are there.
+
+    Channels without a time of their own are left as they are, and so are all if no time is common to all.
+    """
+    there = {i: np.isfinite(values[i]) & np.isfinite(t) for i, t in times.items()}
+    clocked = {i: (times[i][ok], values[i][ok]) for i, ok in there.items() if ok.any()}
+    if not clocked:
+        return dict(values)
+    begin, end = max(t[0] for t, _ in clocked.values()), min(t[-1] for t, _ in clocked.values())
+    slowest = min((t[(t >= begin) & (t <= end)] for t, _ in clocked.values()), key=len)
+    if not slowest.size:
+        return dict(values)
+    return {**values, **{i: np.interp(slowest, t, x) for i, (t, x) in clocked.items()}}
 
 
 def is_even_time(values: Array) -> bool:

@@ -14,7 +14,7 @@ from brightgrey.arrays import Array
 from brightgrey.recordings.formats.table import TIME_NAME, Table
 from brightgrey.recordings.inspection.meaning import DRIVING, UNITS, Meaning, index_of, unit_in_name
 from brightgrey.recordings.inspection.profile import ChannelProfile
-from brightgrey.recordings.inspection.relations import explained_by_motion, is_even_time
+from brightgrey.recordings.inspection.relations import explained_by_motion, is_even_time, on_one_time
 from brightgrey.recordings.policy import INSPECTION, READING
 from brightgrey.recordings.units.parser import is_unit, parse_unit
 from brightgrey.recordings.units.signals import assumed_unit, base_of
@@ -47,6 +47,16 @@ class ReadChannels:
         """Columns of numbers that change, and are neither a time nor a count of samples."""
         numbers = [i for i, p in self.profiles.items() if not p.constant]
         return [i for i in numbers if self.meanings[i].quantity not in ("time", "count")]
+
+    def together(self, one: int, other: int) -> tuple[Array, Array]:
+        """Return two channels row by row, those with clocks of their own at common instants."""
+        values = {i: self.values[i] for i in (one, other)}
+        clocks = {i: self.table.columns[i].clock for i in values}
+        if len({*clocks.values()}) > 1:
+            timed = {i: c for i, c in clocks.items() if c is not None and c in self.values}
+            times = {i: self.values[c] * _seconds_per_unit(self.table, c) for i, c in timed.items()}
+            values = on_one_time(values, times)
+        return values[one], values[other]
 
     def reference(self, column: int) -> str:
         """Return the name of a column for an option, or its number where the name is not its own."""
@@ -121,9 +131,12 @@ def _ask_time(table: Table, column: int, values: Mapping[int, Array]) -> str:
 def usual_step(table: Table, column: int, values: Mapping[int, Array]) -> float:
     """Return the usual step of a time in s."""
     steps = np.diff(values[column][np.isfinite(values[column])])
+    return float(np.median(steps[steps > 0])) * _seconds_per_unit(table, column) if (steps > 0).any() else 1.0
+
+
+def _seconds_per_unit(table: Table, column: int) -> float:
     unit, _ = table.columns[column].time_unit()
-    factor = parse_unit(unit).si if is_unit(unit) else 1.0
-    return float(np.median(steps[steps > 0])) * factor if (steps > 0).any() else 1.0
+    return parse_unit(unit).si if is_unit(unit) else 1.0
 
 
 def suggest(channels: ReadChannels, time: TimeChoice) -> Suggestion | str:
@@ -151,10 +164,7 @@ def suggest(channels: ReadChannels, time: TimeChoice) -> Suggestion | str:
     name = {i: channels.table.columns[i].name for i in (*inputs, *outputs)}
     same = [(u, y) for u, y in pairs if index_of(name[u]) == index_of(name[y])]
     quantity = {i: channels.meanings[i].quantity for i in outputs}
-    parts = {
-        (u, y): explained_by_motion(channels.values[u], channels.values[y], quantity[y], time.dt)
-        for u, y in same or pairs
-    }
+    parts = {(u, y): explained_by_motion(*channels.together(u, y), quantity[y], time.dt) for u, y in same or pairs}
     # Several inputs are several axes, of which one that hardly moves says little.
     good = [
         pair
