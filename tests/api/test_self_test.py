@@ -153,6 +153,15 @@ def test_selftest__stopped__keeps_what_is_done_and_goes_on(result, brief, tmp_pa
     assert not (tmp_path / KEPT).exists()
 
 
+def test_write_selftest__test_of_the_found_model_only__leaves_its_draws_for_one_of_all_drives(result, tmp_path):
+    result.write(tmp_path)
+    write_selftest(selftest(tmp_path, draws=1, fast=True, found_only=True), tmp_path)
+    again = []
+    write_selftest(selftest(tmp_path, draws=1, fast=True, progress=lambda done, total: again.append(done)), tmp_path)
+    assert again[0] == 1
+    assert not (tmp_path / KEPT).exists()
+
+
 def test_selftest__draws_of_another_seed_are_kept__are_not_taken(result, tmp_path):
     result.write(tmp_path)
     first = selftest(tmp_path, draws=2, fast=True, seed=3)

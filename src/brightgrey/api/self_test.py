@@ -138,6 +138,8 @@ def selftest(
 def write_selftest(found: SelfTest, folder: str | Path) -> Path:
     """Write selftest.json into the folder of a run, and a section into its report.html if there is one.
 
+    The kept draws of a test of all drives are removed with that. Those of the found model stay for such a test.
+
     Parameters
     ----------
     found : SelfTest
@@ -153,7 +155,8 @@ def write_selftest(found: SelfTest, folder: str | Path) -> Path:
     if report.is_file():
         contents[report.name] = with_section(report.read_text(encoding="utf-8"), found).encode()
     write_files(folder, contents)
-    (Path(folder) / _KEPT).unlink(missing_ok=True)
+    if not found.found_only:
+        (Path(folder) / _KEPT).unlink(missing_ok=True)
     return Path(folder) / SELF_TEST_FILE
 
 
