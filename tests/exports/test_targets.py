@@ -311,6 +311,7 @@ def test_export__deviates_too_much__is_not_good(tmp_path, monkeypatch):
     done = export(random_model("one_mass+coulomb", 1), "c", tmp_path)
     assert not done.good
     assert "was to be expected" in done.text
+    assert done.text.endswith("% of the range do not matter")
 
 
 def test_export__wrong_target_folder_or_sampling__is_refused(tmp_path):

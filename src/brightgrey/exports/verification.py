@@ -134,6 +134,7 @@ def compare_with_native(
     text += f"; up to {tolerance:.0e} was to be expected"
     if run.input_sensitivity > VERIFICATION.nudge:
         text += f", but a change of the input by {VERIFICATION.nudge:.0e} already makes {run.input_sensitivity:.1e}"
+    text += f"; use it only where {100 * found:.2g} % of the range do not matter"
     return (found, text, False)
 
 
