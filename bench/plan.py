@@ -46,7 +46,7 @@ from brightgrey.report.drawing.matplotlib_figure import draw, picture
 from brightgrey.search.decision import decide_structures
 from brightgrey.search.detectability import has
 from brightgrey.simulation.reference import reference
-from support.drives import MOTIONS, RandomDrive, coloured_noise, excitation, rounded, simulated_recording
+from support.drives import MORE_MASSES, MOTIONS, RandomDrive, coloured_noise, excitation, rounded, simulated_recording
 from support.results import RESULTS, Table, publish
 from support.rows import add_rows, drives_left, read_rows
 from support.statistics import share, share_of
@@ -59,7 +59,6 @@ CAREFUL = 0.4  # part of the drive's torque and speed that the first recording u
 COMPARED = 0.5  # power from which the other motions are recorded, too
 DT = PAPER_EXPERIMENT.dt
 HALVINGS = 6  # of the range of the first motion's torque
-MORE_MASSES = ("two_mass", "three_mass", "four_mass")
 FRESH_DRAWS = 500
 FULL = PlanningEffort(relaxed_log2=None)
 CHEAP = PlanningEffort(samples_log2=3, generations=4, population=8, optimised=2, finalists=4, relaxed_log2=None)

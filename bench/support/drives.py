@@ -17,6 +17,7 @@ from brightgrey.recordings.recording import Hold
 from brightgrey.simulation.reference import reference
 
 __all__ = [
+    "MORE_MASSES",
     "MOTIONS",
     "SHARPNESS",
     "RandomDrive",
@@ -29,6 +30,7 @@ __all__ = [
     "simulated_recording",
 ]
 
+MORE_MASSES = ("two_mass", "three_mass", "four_mass")
 MOTIONS = ("reversing", "chirp", "multisine")
 SHARPNESS = (np.inf, 1000.0, 100.0, 30.0)
 """Gains of friction's sign over the largest speed, in turn: an exact sign, and three smoothed ones."""
