@@ -8,6 +8,7 @@ import pytest
 from brightgrey.api.control import design
 from brightgrey.model.model import load_model
 from brightgrey.recordings import Units
+from support.models import model_with_values
 
 pytest.importorskip("control", reason="python-control is not installed")
 
@@ -58,6 +59,39 @@ def test_control__controller_faster_than_the_recording__says_what_was_not_seen(c
     (tmp_path / "slow.json").write_text(json.dumps(slow), encoding="utf-8")
     done = call("control", tmp_path / "slow.json", "--torque", "2", "--dt", "0.001")
     assert "The recording shows nothing above 10 Hz, half its sampling rate" in done.out
+
+
+def test_control__torque_below_friction_and_load__says_what_they_take(call, drive):
+    done = call("control", drive.out / "model.json", "--torque", "0.01")
+    assert done.code == 2
+    assert "a torque of 0.01 N m does not move this drive: friction and load take" in done.err
+
+
+@pytest.fixture
+def arm(tmp_path):
+    values = {"J1": 0.06, "f_v": 0.05, "M_C": 0.1, "G": 1.0, "k": 1.0, "phi_0": 0.0}
+    path = tmp_path / "arm.json"
+    path.write_text(model_with_values("one_mass+coulomb+viscous+pendulum", values, kinds=("position",)).text())
+    return path
+
+
+def test_control__position_dependent_load__gives_a_cascade_and_says_why_no_state_feedback(call, arm):
+    done = call("control", arm, "--torque", "5", "--json")
+    assert done.code == 0, done.err
+    found = json.loads(done.out)
+    assert found["state_control"] is None
+    assert list(found["cascade"]["position_margins"]) == ["forward at 0 rad", "forward at 3.14 rad"]
+    assert all(m["stable"] for m in found["cascade"]["position_margins"].values())
+    said = call("control", arm, "--torque", "5").out
+    assert "no constant torque keeps a speed" in said
+
+
+def test_analyse__position_dependent_load__holds_at_the_position_asked_for(call, arm):
+    hanging, upright = (call("analyse", arm, "--position", q).out for q in ("0", "3.1416"))
+    assert "stable at speed" in hanging
+    assert "position 0 (SI)" in hanging
+    assert "unstable at speed" in upright
+    assert "position 3.142 (SI)" in upright
 
 
 def test_watch__healthy_drive__reports_no_change(call, drive):

@@ -84,6 +84,13 @@ def test_resolution__no_lattice__is_the_spacing_of_the_numbers() -> None:
     assert resolution(np.zeros(20)) > 0
 
 
+def test_resolution__fixed_number_of_significant_digits__is_that_of_the_usual_values() -> None:
+    values = np.array([float(f"{v:.5g}") for v in 60.0 * np.sin(np.linspace(0.0, 30.0, 4000))])
+    assert resolution(values) == pytest.approx(1e-3)
+    decimals = np.round(60.0 * np.sin(np.linspace(0.0, 30.0, 4000)), 2)
+    assert resolution(decimals) == pytest.approx(1e-2)
+
+
 def test_resolution__differenced_encoder__is_one_count_per_interval() -> None:
     position = np.floor(np.cumsum(np.random.default_rng(1).uniform(0, 7, 500))) * 4.6592e-6
     assert resolution(np.diff(position) / 1e-3) == pytest.approx(4.6592e-3, rel=1e-9)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from brightgrey.control.linear.analysis import Analysis, analyse_system
 from brightgrey.control.linear.margins import Margins
 from brightgrey.control.linear.operating_point import trim_point
 from brightgrey.control.policy import ANALYSIS
-from brightgrey.effects import DAMPING, SPEED, STIFFNESS, TORQUE
+from brightgrey.effects import DAMPING, POSITION, SPEED, STIFFNESS, TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
 from brightgrey.model.model import Model
@@ -67,6 +68,11 @@ class DesignAssumptions:
 
 DESIGN_ASSUMPTIONS = DesignAssumptions()
 
+_NO_STATE_FEEDBACK = (
+    "There is no state feedback of speed: the load depends on the position, so that no constant torque keeps a speed."
+    " The cascade holds where the load pulls back most, and where it pushes away most."
+)
+
 
 @dataclass(frozen=True)
 class Design:
@@ -75,14 +81,16 @@ class Design:
     Attributes
     ----------
     analyses : tuple of Analysis
-        Linear models of the design: in contact, and in the gap if there is one.
+        Linear models of the design: in contact, and in the gap if there is one; with a position-dependent load where it
+        pulls back most, and where it pushes away most.
     cascade : Cascade
         P control of position around PI control of speed.
-    state_feedback : StateFeedbackDesign
-        Linear-quadratic control of speed with integral action.
+    state_feedback : StateFeedbackDesign or None
+        Linear-quadratic control of speed with integral action. None if a load depends on the position, so that no
+        constant torque keeps a speed.
     noise : Noise
         Disturbance and measurement noise of the Kalman filter.
-    observer_gain : ndarray, shape (n, 1)
+    observer_gain : ndarray, shape (n, 1), or None
         Gains of the stationary Kalman filter that estimates the states from the measured speed.
     delay : float
         Assumed delay of the sampled controller, s.
@@ -94,12 +102,23 @@ class Design:
 
     analyses: tuple[Analysis, ...]
     cascade: Cascade
-    state_feedback: StateFeedbackDesign
+    state_feedback: StateFeedbackDesign | None
     noise: Noise
-    observer_gain: NDArray[np.float64]
+    observer_gain: NDArray[np.float64] | None
     delay: float
     units: Units
     notes: tuple[str, ...] = ()
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Name of each linear model: its contact, and the position of mass 1 where there are several."""
+        points = [a.operating_point for a in self.analyses]
+        several = len({p.position for p in points}) > 1
+        shown = [self._in_units(p.position, POSITION) for p in points]
+        return tuple(
+            p.contact_mode.contact + (f" at {value:.3g} {unit}" if several else "")
+            for p, (value, unit) in zip(points, shown, strict=True)
+        )
 
     def cascade_gains(self) -> list[tuple[str, float, str]]:
         """Name, value and unit of the gains of the cascade, in the units of the recording."""
@@ -114,6 +133,8 @@ class Design:
     def feedback_gains(self) -> list[tuple[str, float, str]]:
         """State in words, gain and unit of the state feedback and of its integral, in the units of the recording."""
         feedback = self.state_feedback
+        if feedback is None:
+            return []
         mode = feedback.analysis.operating_point.contact_mode
         states = [mode.system.states[i] for i in mode.free_states]
         rows = []
@@ -127,8 +148,10 @@ class Design:
         return factor * value, text
 
     @property
-    def observer_margins(self) -> Margins:
-        """Stability margins of the state feedback with the Kalman filter in the loop."""
+    def observer_margins(self) -> Margins | None:
+        """Stability margins of the state feedback with the Kalman filter in the loop; None without a state feedback."""
+        if self.state_feedback is None or self.observer_gain is None:
+            return None
         compensator = lqg_compensator(self.state_feedback, self.observer_gain)
         return self.state_feedback.analysis.margins(compensator, delay=self.delay)
 
@@ -160,7 +183,7 @@ def _output_kinds(model: Model) -> list[str]:
 
 
 @checked_arguments
-def analyse(model: Model, *, speed: float | None = None, contact: str = "forward") -> Analysis:
+def analyse(model: Model, *, speed: float | None = None, contact: str = "forward", position: float = 0.0) -> Analysis:
     """Linearise a model in steady motion.
 
     Parameters
@@ -170,6 +193,8 @@ def analyse(model: Model, *, speed: float | None = None, contact: str = "forward
         In the model's units; half of the recording's largest speed if not given.
     contact : {'forward', 'backward', 'gap'}
         Side on which a gap is closed, or open.
+    position : float
+        Of mass 1, in the model's units. It matters where a load depends on the position: the linear model holds there.
 
     Returns
     -------
@@ -186,7 +211,7 @@ def analyse(model: Model, *, speed: float | None = None, contact: str = "forward
     if contact == "gap" and not model.structure.has_hard_limit:
         raise SettingsError("contact 'gap': this model has no gap; take forward or backward")
     at = ANALYSIS.part_of_speed * settings.speed_scale if speed is None else speed / model.units.of(SPEED)[1]
-    return analyse_system(system, speed=at, contact=contact)
+    return analyse_system(system, speed=at, contact=contact, position=position / model.units.of(POSITION)[1])
 
 
 @checked_arguments
@@ -222,7 +247,7 @@ def design(
     Raises
     ------
     SettingsError
-        If an argument is out of range or no such control exists.
+        If an argument is out of range, the torque does not move the drive, or no such control exists.
     """
     dt = model.settings.sampling_time if sampling_time is None else sampling_time
     _check_range("torque", torque, 1e-30, 1e30)
@@ -233,15 +258,19 @@ def design(
     largest_torque = torque / model.units.of(TORQUE)[1]
     largest_speed, speed = settings.speed_scale, ANALYSIS.part_of_speed * settings.speed_scale
     analyses, delay = cascade_models(model), 0.5 * dt + computing_time
+    left = largest_torque - _steady_torque(analyses, model, torque)
+    cascade = design_cascade(analyses, total_inertia(analyses[0]), dt, computing_time=computing_time)
+    if any(p.effect.port_reads == "position" for p in model.structure.placed):
+        found = Design(analyses, cascade, None, Noise(0.0, np.zeros(1)), None, delay, model.units)
+        return replace(found, notes=(_NO_STATE_FEEDBACK, *_notes_on_cascade(found, model.settings.sampling_time)))
     analysis = analyse_system(assemble(model.structure, values, settings.f_tanh, ("velocity",)), speed=speed)
     noise = Noise(assumptions.disturbance * largest_torque, np.array([assumptions.sensor_noise * largest_speed]))
     gain = kalman_gain(analysis.linear, noise, dt)
-    cascade = design_cascade(analyses, total_inertia(analyses[0]), dt, computing_time=computing_time)
     for slower in (2.0**k for k in range(assumptions.slowest + 1)):
         feedback = design_state_feedback(
             analysis,
             largest_error=slower * assumptions.largest_error * largest_speed,
-            torque=largest_torque,
+            torque=left,
             settling_time=slower * settling_time,
         )
         found = Design(analyses, cascade, feedback, noise, gain, delay, model.units)
@@ -255,20 +284,50 @@ def design(
 
 def _is_well_damped(found: Design, assumptions: DesignAssumptions) -> bool:
     """True if the state feedback is stable with a small peak of the sensitivity, with its Kalman filter and without."""
+    assert found.state_feedback is not None
     loops = (found.state_feedback.margins(found.delay), found.observer_margins)
-    return all(loop.stable and loop.sensitivity <= assumptions.sensitivity for loop in loops)
+    return all(loop and loop.stable and loop.sensitivity <= assumptions.sensitivity for loop in loops)
+
+
+def _steady_torque(analyses: Sequence[Analysis], model: Model, limit: float) -> float:
+    """Torque that keeps the speed of the linear models, in the direction and at the position that need most, SI.
+
+    Raises
+    ------
+    SettingsError
+        If the `limit`, in the model's units, is less than that.
+    """
+    points = [a.operating_point for a in analyses if a.operating_point.contact_mode.contact != "gap"]
+    back = [replace(p.contact_mode, contact="backward") for p in points]
+    steady = [abs(p.u) for p in points]
+    steady += [abs(trim_point(m, -p.speed, position=p.position).u) for m, p in zip(back, points, strict=True)]
+    needed, (unit, factor) = max(steady), model.units.of(TORQUE)
+    if limit > needed * factor:
+        return needed
+    at, of_speed = model.units.of(SPEED)
+    raise SettingsError(
+        f"a torque of {limit:g} {unit} does not move this drive: friction and load take {needed * factor:.4g} {unit} at"
+        f" {points[0].speed * of_speed:.4g} {at}, half the largest speed of the recording; give a larger limit"
+    )
 
 
 def _notes_on_design(found: Design, slower: float, settling_time: float, recorded: float) -> tuple[str, ...]:
     """Sentences on a design."""
     said = []
     if slower > 1.0:
+        assert found.state_feedback is not None
         dead = found.state_feedback.analysis.dead_time
         drive = f" and the drive's dead time of {1e3 * dead:.3g} ms" if dead > 0.0 else ""
         said.append(
             f"The state feedback was slowed down to a settling time of {slower * settling_time:.3g} s: with the"
             f" controller's delay of {1e3 * found.delay:.3g} ms{drive} a faster one is not well damped."
         )
+    return (*said, *_notes_on_cascade(found, recorded))
+
+
+def _notes_on_cascade(found: Design, recorded: float) -> tuple[str, ...]:
+    """Sentences on the cascade of a design, with the sampling interval of the recording."""
+    said = []
     fastest = max(m.crossover for m in found.cascade.speed_margins) / (2.0 * np.pi)
     if fastest > 0.5 / recorded:
         said.append(
@@ -285,11 +344,25 @@ def _state_in_words(name: str) -> str:
 
 
 def cascade_models(model: Model) -> tuple[Analysis, ...]:
-    """Linear models that a cascade is designed for: in contact, and in the gap if there is one."""
+    """Linear models that a cascade is designed for: in contact, and in the gap if there is one.
+
+    With a position-dependent load they are taken where it pulls back most, and where it pushes away most.
+    """
     settings = model.settings_si()
     both = assemble(model.structure, model.values_si(), settings.f_tanh, ("position", "velocity"))
     contacts = ("forward", "gap") if any(e.limits is not None for e in both.elements) else ("forward",)
-    return tuple(analyse_system(both, speed=ANALYSIS.part_of_speed * settings.speed_scale, contact=c) for c in contacts)
+    speed, at = ANALYSIS.part_of_speed * settings.speed_scale, _positions_of_steepest_load(model)
+    return tuple(analyse_system(both, speed=speed, contact=c, position=q) for c in contacts for q in at)
+
+
+def _positions_of_steepest_load(model: Model) -> tuple[float, ...]:
+    """Positions of mass 1, SI, where a load by a sine of the position is steepest: hanging, and upright; else 0."""
+    values, found = model.values_si(), list[float]()
+    for placed in model.structure.placed:
+        if placed.effect.search.wave is not None:
+            k, phase = (values[placed.parameter(symbol)] for symbol in placed.effect.search.wave)
+            found += [(turn - phase) / k for turn in (0.0, np.pi)]
+    return tuple(found) or (0.0,)
 
 
 def _check_range(name: str, value: float, least: float, largest: float) -> None:

@@ -27,6 +27,9 @@ def analyse(
         str,
         typer.Option("--contact", metavar="forward|backward|gap", help="Side on which a gap is closed, or open."),
     ] = "forward",
+    position: Annotated[
+        float, typer.Option("--position", metavar="X", help="Position of mass 1, where a load depends on it.")
+    ] = 0.0,
     controller: Annotated[
         str | None,
         typer.Option("--controller", metavar="N/D", help=f"Controller on the first output: {CONTROLLER}."),
@@ -46,7 +49,7 @@ def analyse(
     from brightgrey.api.control import analyse as run
     from brightgrey.control.linear.margins import Compensator
 
-    found = run(loaded, speed=speed, contact=contact)
+    found = run(loaded, speed=speed, contact=contact, position=position)
     margins = found.margins(Compensator.of(*coefficients)) if coefficients else None
     show_work.show_analysis(found, margins, quiet=quiet, json=json)
 
@@ -66,7 +69,7 @@ def control(
 ) -> None:
     """Suggest gains of a cascade, P position and PI speed control, and of a state feedback with integral action.
 
-    Gains are in SI units: N m, rad (N, m; or the input's unit) and s.
+    Gains are in the units of the recording.
     """
     from brightgrey.cli.terminal import control as show_work
     from brightgrey.cli.terminal import results as show

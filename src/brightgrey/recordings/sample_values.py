@@ -24,7 +24,8 @@ def resolution(values: Array, *, lattice_tolerance: float = 0.02, same_level: fl
 
     If all values lie on a lattice (an encoder's counts, a difference of counts, a fixed number of printed
     decimals), it is the step of the lattice. Otherwise it is the spacing of floating-point numbers at the channel's
-    largest value, of single precision if every value is a single-precision number.
+    largest value, of single precision if every value is a single-precision number. With a fixed number of significant
+    digits, whose step grows with the value, it is no less than the median of these steps.
 
     Parameters
     ----------
@@ -40,6 +41,11 @@ def resolution(values: Array, *, lattice_tolerance: float = 0.02, same_level: fl
     float
         Positive.
     """
+    return max(_least_step(values, lattice_tolerance, same_level), _printed_step(values, same_level))
+
+
+def _least_step(values: Array, lattice_tolerance: float, same_level: float) -> float:
+    """Smallest step of a lattice, of printed decimals or of floating-point numbers."""
     levels = np.unique(values)
     largest = float(np.abs(levels).max())
     steps = np.diff(levels)
@@ -68,6 +74,20 @@ def resolution(values: Array, *, lattice_tolerance: float = 0.02, same_level: fl
     if np.isfinite(single).all() and (np.abs(values - single) <= 5.1e-9 * np.abs(values)).all():
         return float(np.spacing(np.float32(largest)))
     return float(np.spacing(largest))
+
+
+def _printed_step(values: Array, same_level: float, few: int = 7) -> float:
+    """Median of the steps of numbers that were printed with the same few significant digits; 0 for others."""
+    present = np.abs(values[np.abs(values) > np.finfo(float).tiny * 10.0**few])
+    if not present.size or np.ptp(values) == 0.0:
+        return 0.0
+    size = 10.0 ** np.floor(np.log10(present))
+    for digits in range(3, few + 1):
+        step = size * 10.0 ** (1 - digits)
+        counts = present / step
+        if np.abs(counts - np.rint(counts)).max() <= same_level * 10.0**digits:
+            return float(np.median(step))
+    return 0.0
 
 
 def difference_noise(values: Array, order: int) -> Array:

@@ -1,5 +1,7 @@
 """State feedback, cascade and the closed loop on the non-linear model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -110,6 +112,50 @@ def test_design_cascade__drive_with_gap__meets_its_goal_and_follows():
     controller = CascadeController(found, reference, DT, names.index("q1"), names.index("v1"))
     run = closed_loop(system, controller, 400, DT, SETTINGS, limit=10.0)
     assert np.abs(run.state("q1") - MOTION.position).max() < 0.05 * MOTION.position.max()
+
+
+def settling_time(system, found, step=0.1, share=0.02, samples=2000):
+    """Time after which the position stays within a share of a step of its reference, s."""
+    reference = replace(standstill(samples), position=np.full(samples, step))
+    names = system.state_names
+    controller = CascadeController(found, reference, DT, names.index("q1"), names.index("v1"))
+    run = closed_loop(system, controller, samples, DT, SETTINGS)
+    outside = np.flatnonzero(np.abs(run.state("q1") - step) > share * step)
+    assert run.state("q1").max() < 1.1 * step
+    return DT * float(outside[-1] + 1)
+
+
+@pytest.mark.parametrize("dead_time", [0.0, 1.5e-3, 6e-3])
+def test_design_cascade__rigid_drive__position_loop_is_as_fast_as_its_speed_loop_allows(dead_time):
+    """A speed loop at the limit of its goal would leave no phase for a position loop around it."""
+    text = "one_mass+viscous" + ("+delay" if dead_time else "")
+    given = {"T_d": dead_time} if dead_time else {}
+    system = system_of(text, outputs=("position", "velocity"), **given)
+    found = design_cascade([analyse_system(system, speed=10.0)], VALUES["J1"], DT)
+    crossover = found.speed_gain / VALUES["J1"]
+    assert 0.1 < found.position_gain / crossover < 0.4
+    assert settling_time(system, found) < 6.0 / found.position_gain
+
+
+def test_design_cascade__arm__is_stable_hanging_and_upright():
+    arm = {"G": 2.0, "k": 1.0, "phi_0": 0.3}
+    system = system_of("one_mass+viscous+pendulum", outputs=("position", "velocity"), **arm)
+    analyses = [analyse_system(system, position=(turn - 0.3) / 1.0) for turn in (0.0, np.pi)]
+    assert [a.stability for a in analyses] == ["stable", "unstable"]
+    assert all(a.depends_on_position for a in analyses)
+    found = design_cascade(analyses, VALUES["J1"], DT)
+    assert all(m.stable for m in (*found.speed_margins, *found.position_margins))
+    limits = MotionLimits(10.0, 100.0, 5000.0)
+    motion = reversing(np.pi, limits, dt=DT, samples=1200, before=0.02, between=0.05)
+    names = system.state_names
+    errors = []
+    for torque in (True, False):
+        reference = feedforward(contact_mode(to_twist_coordinates(system), "forward"), motion, torque=torque)
+        controller = CascadeController(found, reference, DT, names.index("q1"), names.index("v1"))
+        run = closed_loop(system, controller, 1200, DT, SETTINGS)
+        errors.append(float(np.abs(run.state("q1") - motion.position).max()))
+    assert errors[0] < 0.05
+    assert errors[0] < 0.5 * errors[1]
 
 
 def test_compensator__discretised__keeps_its_step_response():

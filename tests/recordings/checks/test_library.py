@@ -53,6 +53,15 @@ def test_all_checks__each_asks_a_question():
     assert all(c.question.endswith("?") and c.name for c in all_checks())
 
 
+def test_check__position_printed_with_five_significant_digits__no_fault(made):
+    """A slow reversal repeats the printed number, and its steps are larger where the number is."""
+    t = E.dt * np.arange(E.samples)
+    exact = 60.0 * np.sin(2.0 * np.pi * t) + 3.0 * np.sin(2.0 * np.pi * 3.3 * t)
+    printed = np.array([float(f"{q:.5g}") for q in exact])
+    found = check(made("position", position=printed))
+    assert not {r.check for r in found.of_grade("stop", "mind")} & {"outliers", "limits", "repeated samples"}
+
+
 @pytest.mark.parametrize("kinds", [("velocity",), ("position",), ("position", "velocity")])
 def test_check__sound_recording__no_fault(made, kinds):
     assert check(made(*kinds)).of_grade("stop", "mind") == ()

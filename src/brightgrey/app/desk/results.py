@@ -116,9 +116,6 @@ def result_parts(folder: str, labels: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-_CONTACTS = {"forward": ", in contact", "gap": ", in the gap"}
-
-
 def gains(model: str, torque: float, dt: float | None, computing: float) -> dict[str, Any]:
     """Gains of a cascade for a model, with their margins, notes, and Bode plots of the loop before and after.
 
@@ -130,7 +127,8 @@ def gains(model: str, torque: float, dt: float | None, computing: float) -> dict
     found = design(load_model(model), torque=torque, sampling_time=dt, computing_time=computing)
     cascade = found.cascade
     several = len(found.analyses) > 1
-    contacts = [_CONTACTS[a.operating_point.contact_mode.contact] if several else "" for a in found.analyses]
+    words = [place.replace("forward", "in contact").replace("gap", "in the gap") for place in found.places]
+    contacts = [f", {place}" if several else "" for place in words]
     margins = [
         (loop + contact, m)
         for loop, of_loop in (("speed loop", cascade.speed_margins), ("whole cascade", cascade.position_margins))

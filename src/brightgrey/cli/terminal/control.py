@@ -57,6 +57,7 @@ def show_analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json
             {
                 "speed": found.operating_point.speed,
                 "input": found.operating_point.u,
+                "position": found.operating_point.position,
                 "sticking_torque": found.sticking_torque,
                 "contact": found.operating_point.contact_mode.contact,
                 "states": found.states,
@@ -75,10 +76,11 @@ def show_analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json
         return
     if quiet:
         return
-    out = screen()
+    out, point = screen(), found.operating_point
+    place = f", position {point.position:.4g}" if found.depends_on_position else ""
     out.print(
         Text(
-            f"{found.stability} at speed {found.operating_point.speed:.4g}, input {found.operating_point.u:.4g} (SI)",
+            f"{found.stability} at speed {point.speed:.4g}, input {point.u:.4g}{place} (SI)",
             style="bold",
         )
     )
@@ -114,8 +116,7 @@ def _pole_table(found: Analysis) -> Table:
 def show_design(found: Design, *, quiet: bool, json: bool) -> None:
     """Print suggested gains and their stability margins."""
     c, s = found.cascade, found.state_feedback
-    contacts = [a.operating_point.contact_mode.contact for a in found.analyses]
-    reached = s.margins(found.delay)
+    contacts = found.places
     if json:
         as_json(
             {
@@ -126,20 +127,7 @@ def show_design(found: Design, *, quiet: bool, json: bool) -> None:
                     "speed_margins": {k: _margins(m) for k, m in zip(contacts, c.speed_margins, strict=True)},
                     "position_margins": {k: _margins(m) for k, m in zip(contacts, c.position_margins, strict=True)},
                 },
-                "state_control": {
-                    "states": s.analysis.states,
-                    "gains": s.K.tolist(),
-                    "integral": s.integral,
-                    "poles": [[p.real, p.imag] for p in s.poles.tolist()],
-                    "margins": _margins(reached),
-                },
-                "observer": {
-                    "states": s.analysis.states,
-                    "gains": found.observer_gain[:, 0].tolist(),
-                    "disturbance": float(np.ravel(found.noise.torque)[0]),
-                    "speed_noise": float(np.ravel(found.noise.outputs)[0]),
-                    "margins": _margins(found.observer_margins),
-                },
+                **_state_control(found),
                 "notes": found.notes,
             }
         )
@@ -152,15 +140,40 @@ def show_design(found: Design, *, quiet: bool, json: bool) -> None:
     for kind, inner, outer in zip(contacts, c.speed_margins, c.position_margins, strict=True):
         out.print(f"speed loop ({kind}): {_margins_line(inner)}", soft_wrap=True)
         out.print(f"whole cascade ({kind}): {_margins_line(outer)}", soft_wrap=True)
-    out.print(Text("state feedback of speed with integral action", style="bold"))
-    out.print(f"gains: {_gains(found.feedback_gains())}", soft_wrap=True)
-    out.print(f"loop opened at the input: {_margins_line(reached)}", soft_wrap=True)
-    out.print(Text("Kalman filter that estimates these states from a measured speed", style="bold"))
-    pairs = zip(s.analysis.states, found.observer_gain[:, 0].tolist(), strict=True)
-    out.print(f"gains (SI): {', '.join(f'{name} {value:.4g}' for name, value in pairs)}", soft_wrap=True)
-    out.print(f"state feedback on the estimated states: {_margins_line(found.observer_margins)}", soft_wrap=True)
+    observed = found.observer_margins
+    if s is not None and found.observer_gain is not None and observed is not None:
+        out.print(Text("state feedback of speed with integral action", style="bold"))
+        out.print(f"gains: {_gains(found.feedback_gains())}", soft_wrap=True)
+        out.print(f"loop opened at the input: {_margins_line(s.margins(found.delay))}", soft_wrap=True)
+        out.print(Text("Kalman filter that estimates these states from a measured speed", style="bold"))
+        pairs = zip(s.analysis.states, found.observer_gain[:, 0].tolist(), strict=True)
+        out.print(f"gains (SI): {', '.join(f'{name} {value:.4g}' for name, value in pairs)}", soft_wrap=True)
+        out.print(f"state feedback on the estimated states: {_margins_line(observed)}", soft_wrap=True)
     for note in found.notes:
         out.print(f"- {note}", soft_wrap=True)
+
+
+def _state_control(found: Design) -> dict[str, Any]:
+    """State feedback and Kalman filter for JSON; None each where there is none."""
+    s, observed = found.state_feedback, found.observer_margins
+    if s is None or found.observer_gain is None or observed is None:
+        return {"state_control": None, "observer": None}
+    return {
+        "state_control": {
+            "states": s.analysis.states,
+            "gains": s.K.tolist(),
+            "integral": s.integral,
+            "poles": [[p.real, p.imag] for p in s.poles.tolist()],
+            "margins": _margins(s.margins(found.delay)),
+        },
+        "observer": {
+            "states": s.analysis.states,
+            "gains": found.observer_gain[:, 0].tolist(),
+            "disturbance": float(np.ravel(found.noise.torque)[0]),
+            "speed_noise": float(np.ravel(found.noise.outputs)[0]),
+            "margins": _margins(observed),
+        },
+    }
 
 
 def _gains(rows: list[tuple[str, float, str]]) -> str:

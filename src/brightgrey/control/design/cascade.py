@@ -35,6 +35,8 @@ class CascadeGoal:
     reset_crossover: float = 4.0
     gain_step: float = 1.5  #: Ratio of neighbouring gains in the search.
     bisections: int = 4  #: Bisections of the last step of the search.
+    slower: int = 10  #: Speed loops that are tried, from the fastest one on,
+    slower_step: float = 0.85  #: and the ratio of their crossover frequencies.
 
 
 CASCADE_GOAL = CascadeGoal()
@@ -56,6 +58,11 @@ class Cascade:
     position_margins: tuple[Margins, ...]
 
     @property
+    def stiffness(self) -> float:
+        """Servo stiffness: torque per position error as long as the integral does not act, N m/rad (N/m)."""
+        return self.position_gain * self.speed_gain
+
+    @property
     def controller(self) -> Compensator:
         """PI controller of speed."""
         return _pi_controller(self.speed_gain, self.reset_time)
@@ -74,7 +81,8 @@ def _output_row(analysis: Analysis, name: str) -> Array:
 def speed_loop_margins(analysis: Analysis, gain: float, reset: float, delay: float) -> Margins:
     """Stability margins of the speed loop; `delay` in s is added to the drive's dead time."""
     one = minimal_realisation(analysis.linear._replace(C=_output_row(analysis, "velocity")[None], D=np.zeros((1, 1))))
-    return stability_margins(one, _pi_controller(gain, reset), dead_time=analysis.dead_time + delay)
+    total, free = analysis.dead_time + delay, analysis.depends_on_position
+    return stability_margins(one, _pi_controller(gain, reset), dead_time=total, free_position=free)
 
 
 def position_loop_margins(
@@ -100,7 +108,10 @@ def design_cascade(
     computing_time: float = 0.0,
     goal: CascadeGoal = CASCADE_GOAL,
 ) -> Cascade:
-    """Design the cascade with the largest gains that meet the goal in all models.
+    """Design the cascade with the largest servo stiffness that meets the goal in all models.
+
+    The fastest speed loop has no phase to spare, and a position loop around it would be very slow. So slower speed
+    loops are tried as well, each with the largest position gain that meets the goal.
 
     Parameters
     ----------
@@ -130,21 +141,35 @@ def design_cascade(
         gain, reset = inertia * crossover, goal.reset_crossover / crossover
         return all(_meets_goal(speed_loop_margins(a, gain, reset, delay), goal) for a in analyses)
 
-    crossover = _largest_gain(speed_meets_goal, 1e-4 * fastest, 3.0 * fastest, goal, "speed loop")
-    gain, reset = inertia * crossover, goal.reset_crossover / crossover
+    fastest_crossover = _largest_gain(speed_meets_goal, 1e-4 * fastest, 3.0 * fastest, goal)
+    if fastest_crossover is None:
+        raise _unattainable("speed loop", goal)
 
-    def position_meets_goal(position_gain: float) -> bool:
-        found = [position_loop_margins(a, position_gain, gain, reset, delay) for a in analyses]
-        return all(_meets_goal(m, goal) and peak <= goal.overshoot for m, peak in found)
+    def around(crossover: float) -> Cascade | None:
+        """Cascade with the largest position gain around a speed loop; None if there is none."""
+        gain, reset = inertia * crossover, goal.reset_crossover / crossover
 
-    position = _largest_gain(position_meets_goal, 1e-3 * crossover, crossover, goal, "position loop")
-    return Cascade(
-        position,
-        gain,
-        reset,
-        tuple(speed_loop_margins(a, gain, reset, delay) for a in analyses),
-        tuple(position_loop_margins(a, position, gain, reset, delay)[0] for a in analyses),
-    )
+        def position_meets_goal(position_gain: float) -> bool:
+            found = [position_loop_margins(a, position_gain, gain, reset, delay) for a in analyses]
+            return all(_meets_goal(m, goal) and peak <= goal.overshoot for m, peak in found)
+
+        position = _largest_gain(position_meets_goal, 1e-2 * crossover, crossover, goal)
+        if position is None:
+            return None
+        return Cascade(
+            position,
+            gain,
+            reset,
+            tuple(speed_loop_margins(a, gain, reset, delay) for a in analyses),
+            tuple(position_loop_margins(a, position, gain, reset, delay)[0] for a in analyses),
+        )
+
+    crossovers = fastest_crossover * goal.slower_step ** np.arange(goal.slower)
+    found = [around(float(c)) for c in crossovers if speed_meets_goal(float(c))]
+    best = max((c for c in found if c is not None), key=lambda c: c.stiffness, default=None)
+    if best is None:
+        raise _unattainable("position loop", goal)
+    return best
 
 
 def _meets_goal(found: Margins, goal: CascadeGoal) -> bool:
@@ -152,8 +177,8 @@ def _meets_goal(found: Margins, goal: CascadeGoal) -> bool:
     return found.stable and enough
 
 
-def _largest_gain(meets_goal: Callable[[float], bool], low: float, high: float, goal: CascadeGoal, loop: str) -> float:
-    """Upper end of the first range of gains, from below, that meet the goal."""
+def _largest_gain(meets_goal: Callable[[float], bool], low: float, high: float, goal: CascadeGoal) -> float | None:
+    """Upper end of the first range of gains, from below, that meet the goal; None if none does."""
     best, too_high = None, high
     for value in np.geomspace(low, high, int(np.log(high / low) / np.log(goal.gain_step)) + 2):
         if meets_goal(float(value)):
@@ -162,11 +187,15 @@ def _largest_gain(meets_goal: Callable[[float], bool], low: float, high: float, 
             too_high = float(value)
             break
     if best is None:
-        raise SettingsError(
-            f"{loop}: no gain keeps a gain margin of {goal.gain:g}, a phase margin of {goal.phase:g}° and a "
-            f"sensitivity below {goal.sensitivity:g}; reduce the delays or ask for less"
-        )
+        return None
     for _ in range(goal.bisections):
         middle = float(np.sqrt(best * too_high))
         best, too_high = (middle, too_high) if meets_goal(middle) else (best, middle)
     return best
+
+
+def _unattainable(loop: str, goal: CascadeGoal) -> SettingsError:
+    return SettingsError(
+        f"{loop}: no gain keeps a gain margin of {goal.gain:g}, a phase margin of {goal.phase:g}° and a "
+        f"sensitivity below {goal.sensitivity:g}; reduce the delays or ask for less"
+    )

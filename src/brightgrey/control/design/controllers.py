@@ -31,7 +31,8 @@ def feedforward(mode: ContactMode, motion: Motion, *, torque: bool = True) -> Re
     """
     u = np.zeros(len(motion.t))
     if torque:
-        u = np.array([trim_point(mode, v, a).u for v, a in zip(motion.velocity, motion.acceleration, strict=True)])
+        course = zip(motion.velocity, motion.acceleration, motion.position, strict=True)
+        u = np.array([trim_point(mode, v, a, q).u for v, a, q in course])
     return Reference(motion.position, motion.velocity, motion.acceleration, u)
 
 
@@ -93,12 +94,9 @@ class StateFeedback:
         """Reference of the states of the gains, shape (samples, n)."""
         mode = self.design.analysis.operating_point.contact_mode
         r = self.reference
-        z = np.array([trim_point(mode, v, a).z for v, a in zip(r.velocity, r.acceleration, strict=True)])
-        x = z @ mode.model.V.T
-        is_position = np.array([1.0 if state.at_rest == "position" else 0.0 for state in mode.system.states])
-        per_position = mode.model.V @ is_position
-        x += np.outer(r.position, per_position) if is_position.any() else 0.0
-        return x @ self._state_map.T
+        course = zip(r.velocity, r.acceleration, r.position, strict=True)
+        z = np.array([trim_point(mode, v, a, q).z for v, a, q in course])
+        return np.asarray(z @ mode.model.V.T @ self._state_map.T)
 
     @property
     def _reference_output(self) -> Array:

@@ -73,10 +73,20 @@ class Analysis:
         point = self.operating_point
         return breakaway_torque(point.contact_mode.system) if point.speed == 0.0 else 0.0
 
+    @property
+    def depends_on_position(self) -> bool:
+        """True if a load depends on the position: the linear model holds at the one of the operating point."""
+        states = self.operating_point.contact_mode.system.states
+        column = [i for i, state in enumerate(states) if state.at_rest == "position"]
+        slope = self.operating_point.contact_mode.jacobian(self.operating_point.z, self.operating_point.u).A
+        return bool(np.abs(slope[:, column]).max(initial=0.0) > 0.0)
+
     @cached_property
     def poles(self) -> Complex:
         """Poles in 1/s, slowest first."""
         found = np.linalg.eigvals(self.linear.A)
+        rounding = ANALYSIS.axis_tolerance * max(1.0, float(np.abs(found).max(initial=0.0)))
+        found = np.where(np.abs(found) <= rounding, 0.0, found)
         return np.asarray(found[np.argsort(np.abs(found), kind="stable")])
 
     @property
@@ -127,7 +137,12 @@ class Analysis:
 
 
 def analyse_system(
-    system: StateSpace | TwistModel, *, speed: float = 0.0, contact: str = "forward", keep_position: bool = False
+    system: StateSpace | TwistModel,
+    *,
+    speed: float = 0.0,
+    contact: str = "forward",
+    position: float = 0.0,
+    keep_position: bool = False,
 ) -> Analysis:
     """Linearise a system in steady motion.
 
@@ -139,6 +154,8 @@ def analyse_system(
         Of all masses, rad/s (m/s).
     contact : {'forward', 'backward', 'gap'}
         Side on which the gap is closed, or open; without a gap it has no effect.
+    position : float
+        Of mass 1, rad (m), where a load depends on it.
     keep_position : bool
         Keep the absolute position as a state even if no output depends on it.
 
@@ -157,7 +174,7 @@ def analyse_system(
     if transformed.system.batch:
         raise SettingsError("linear analysis needs a single parameter set; this is a batch")
     mode = contact_mode(transformed, contact)
-    point = trim_point(mode, speed)
+    point = trim_point(mode, speed, position=position)
     outputs = transformed.system.outputs
     return Analysis(
         point, point.linear, mode.free_state_names, outputs, float(np.asarray(transformed.system.dead_time))

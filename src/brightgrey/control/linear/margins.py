@@ -154,7 +154,14 @@ def frequency_response(linear: Linear, omega: Array, dead_time: float = 0.0) -> 
     return np.asarray(H * np.exp(-s * dead_time))
 
 
-def stability_margins(linear: Linear, compensator: Compensator, *, output: int = 0, dead_time: float = 0.0) -> Margins:
+def stability_margins(
+    linear: Linear,
+    compensator: Compensator,
+    *,
+    output: int = 0,
+    dead_time: float = 0.0,
+    free_position: bool = False,
+) -> Margins:
     """Stability margins of the loop ``L = compensator * plant`` with negative feedback of one output.
 
     Parameters
@@ -165,6 +172,9 @@ def stability_margins(linear: Linear, compensator: Compensator, *, output: int =
         Index of the output that is fed back.
     dead_time : float
         Of the drive and the computer, and half a sampling interval for the hold, s.
+    free_position : bool
+        A speed is controlled with integral action, and a load depends on the position. Then the position stays wherever
+        it is: one pole at 0 that counts as stable.
     """
     one = Linear(linear.A, linear.B, linear.C[output : output + 1], linear.D[output : output + 1])
     loop = open_loop(compensator, one)
@@ -178,8 +188,11 @@ def stability_margins(linear: Linear, compensator: Compensator, *, output: int =
         return complex(frequency_response(loop, np.array([w]), dead_time)[0, 0])
 
     gains, phases, delays, crossover = _crossings(omega, L, at)
+    poles = _poles_of_closed(loop, dead_time)
+    if free_position:
+        poles = np.delete(poles, np.argmin(np.abs(poles)))
     return Margins(
-        stable=bool(np.all(_poles_of_closed(loop, dead_time).real < 0.0)),
+        stable=bool(np.all(poles.real < 0.0)),
         gain=min((g for g in gains if g > 1.0), default=math.inf),
         gain_down=max((g for g in gains if 0.0 < g < 1.0), default=0.0),
         phase=min(phases, default=math.inf),

@@ -70,9 +70,10 @@ class ContactMode:
         """Names of the linear model's states."""
         return tuple(self.system.state_names[i] for i in self.free_states)
 
-    def nominal_state(self, speed: float) -> Array:
-        """State, shape (m,), in which all masses move at `speed` and every gap is in this contact mode."""
-        z = np.array([speed if state.at_rest == "speed" else 0.0 for state in self.system.states])
+    def nominal_state(self, speed: float, position: float = 0.0) -> Array:
+        """State, shape (m,), in which all masses move at `speed`, mass 1 past `position`, and gaps are in this mode."""
+        at = {"speed": speed, "position": position}
+        z = np.array([at.get(state.at_rest, 0.0) for state in self.system.states])
         for e in self.limited_elements:
             assert e.limits is not None
             low, high = float(e.limits.lower), float(e.limits.upper)
@@ -115,6 +116,7 @@ class OperatingPoint:
     #: Of all masses, rad/s and rad/s² (m).
     speed: float
     acceleration: float
+    position: float = 0.0  #: Of mass 1, rad (m); it matters only where a load depends on it.
 
     @cached_property
     def linear(self) -> Linear:
@@ -136,14 +138,18 @@ def contact_mode(transformed: TwistModel, contact: str = "forward") -> ContactMo
     raise SettingsError(unknown_name("contact", contact, CONTACTS))
 
 
-def trim_point(mode: ContactMode, speed: float = 0.0, acceleration: float = 0.0) -> OperatingPoint:
+def trim_point(
+    mode: ContactMode, speed: float = 0.0, acceleration: float = 0.0, position: float = 0.0
+) -> OperatingPoint:
     """Find the twists, positions in gaps and the input for which all masses have a given speed and acceleration.
+
+    Where a load depends on the position, that holds at the instant at which mass 1 passes it.
 
     Parameters
     ----------
     mode : ContactMode
-    speed, acceleration : float
-        rad/s and rad/s² (m/s, m/s²).
+    speed, acceleration, position : float
+        rad/s, rad/s² and rad (m/s, m/s², m).
 
     Returns
     -------
@@ -162,7 +168,7 @@ def trim_point(mode: ContactMode, speed: float = 0.0, acceleration: float = 0.0)
     rows = [i for i in range(len(system.states)) if i not in positions]
     wanted = np.zeros(len(system.states))
     wanted[speeds] = acceleration
-    z, u = mode.nominal_state(speed), 0.0
+    z, u = mode.nominal_state(speed, position), 0.0
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused below
         for _ in range(ANALYSIS.most_newton_steps):
             miss = (wanted - mode.derivative(z, u))[rows]
@@ -182,7 +188,7 @@ def trim_point(mode: ContactMode, speed: float = 0.0, acceleration: float = 0.0)
             f"no steady motion at speed {speed:g} and acceleration {acceleration:g} (SI) with contact "
             f"'{mode.contact}': no torque reaches the load; choose contact 'forward' or 'backward'"
         )
-    return OperatingPoint(mode, z, u, speed, acceleration)
+    return OperatingPoint(mode, z, u, speed, acceleration, position)
 
 
 def _column_norms(M: Array) -> Array:

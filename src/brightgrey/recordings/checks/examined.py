@@ -75,6 +75,11 @@ class Examined:
         return Examined(decimate(self.recording, factor)) if factor > 1 else self
 
     @cached_property
+    def steps(self) -> tuple[float, ...]:
+        """Steps of the resolution of the input and of each output, SI."""
+        return (resolution(self.recording.u), *self.recording.resolution.tolist())
+
+    @cached_property
     def noise(self) -> tuple[float, ...]:
         """Standard deviation of the noise of each output, SI."""
         return tuple(max(noise_of(y), 1e-300) for y in self.recording.y)

@@ -10,7 +10,7 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.recordings.checks.check import Check, CheckResult, mind, note, passed
 from brightgrey.recordings.checks.examined import Examined
-from brightgrey.recordings.sample_values import difference_noise, is_constant, resolution
+from brightgrey.recordings.sample_values import difference_noise, is_constant
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ POLICY = _Policy()
 def run(examined: Examined) -> Iterator[CheckResult]:
     """Find flat tops: several neighbouring samples at exactly the extreme value, reached with a slope."""
     r = examined.recording
-    for signal, values in zip((r.input, *r.outputs), (r.u, *r.y), strict=True):
+    for signal, values, step in zip((r.input, *r.outputs), (r.u, *r.y), examined.steps, strict=True):
         if is_constant(values):
             continue
-        share, limit = _at_limit(values)
+        share, limit = _at_limit(values, step)
         if limit == 0.0 and signal.kind.startswith("velocity"):  # it stands still
             share = 0.0
         figure = f"{100 * share:.1f} % of '{signal.name}' are at a limit"
@@ -61,14 +61,13 @@ def run(examined: Examined) -> Iterator[CheckResult]:
             )
 
 
-def _at_limit(values: Array) -> tuple[float, float]:
+def _at_limit(values: Array, step: float) -> tuple[float, float]:
     """Return the part of the samples in flat tops, and their value.
 
-    Noise of more than the resolution makes no flat tops. Without it a top is one of a limit if it begins or ends with a
+    Noise of more than one `step` of the resolution makes no flat tops. Without it a top is one of a limit if it begins or ends with a
     corner: a slope that would go on far beyond it.
     """
     best = 0.0, 0.0
-    step = resolution(values)
     noisy = float(difference_noise(values, 3)) > step
     for limit in (float(values.max()), float(values.min())):
         at = np.flatnonzero(np.diff(np.pad((values == limit).astype(int), 1)))

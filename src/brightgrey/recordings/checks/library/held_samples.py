@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from brightgrey.arrays import Array
 from brightgrey.recordings.checks.check import Check, CheckResult, mind, note, passed
 from brightgrey.recordings.checks.examined import Examined, noise_of
-from brightgrey.recordings.sample_values import is_constant, resolution
+from brightgrey.recordings.sample_values import is_constant
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,14 @@ POLICY = _Policy()
 def run(examined: Examined) -> Iterator[CheckResult]:
     """Count repeated samples of every channel beyond those that its resolution explains."""
     r = examined.recording
-    for signal, values in zip((r.input, *r.outputs), (r.u, *r.y), strict=True):
+    for signal, values, size in zip((r.input, *r.outputs), (r.u, *r.y), examined.steps, strict=True):
         if is_constant(values):
             continue
-        steps = _moving_steps(values, planned=signal.kind == "input")
+        steps = _moving_steps(values, size, planned=signal.kind == "input")
         if steps.size < POLICY.least:
             continue
         repeated = steps == 0.0
-        share, expected = float(repeated.mean()), _by_rounding(steps, resolution(values))
+        share, expected = float(repeated.mean()), _by_rounding(steps, size)
         figure = f"{100 * share:.1f} % of '{signal.name}' repeat the sample before, {100 * expected:.1f} % expected"
         spread = float(np.sqrt(max(expected * (1.0 - expected), 1.0 / repeated.size) / repeated.size))
         threshold = f"{100 * POLICY.matters:.0f} % and {POLICY.clear:g} standard deviations more"
@@ -85,9 +85,9 @@ def _regular(repeated: NDArray[np.bool_]) -> int:
     return usual if usual > 1 and float(np.mean(steps == usual)) > POLICY.regular else 0
 
 
-def _moving_steps(values: Array, *, planned: bool) -> Array:
+def _moving_steps(values: Array, size: float, *, planned: bool) -> Array:
     """Differences of neighbours where a channel moves, by noise or by its slope; by noise, all of a `planned` one."""
-    steps, size = np.diff(values), resolution(values)
+    steps = np.diff(values)
     if noise_of(values[np.append(True, steps != 0.0)]) > size:  # repeated samples have none
         return np.asarray(steps if planned else _not_at_rest(steps, size))
     padded = np.pad(values, (POLICY.beside - 1, POLICY.beside), mode="edge")

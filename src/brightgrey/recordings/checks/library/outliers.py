@@ -12,7 +12,7 @@ from brightgrey.arrays import Array
 from brightgrey.numerics.distributions import norm
 from brightgrey.recordings.checks.check import Check, CheckResult, mind, passed
 from brightgrey.recordings.checks.examined import Examined, noise_of
-from brightgrey.recordings.sample_values import is_constant, noise_of_differences, resolution
+from brightgrey.recordings.sample_values import is_constant, noise_of_differences
 from brightgrey.recordings.units.signals import KINDS
 
 
@@ -42,12 +42,12 @@ def run(examined: Examined) -> Iterator[CheckResult]:
     """Find samples that differ from their neighbours, which agree with each other, and jumps that stay."""
     r = examined.recording
     yield from _say_input(examined)
-    for signal, values in zip(r.outputs, r.y, strict=True):
+    for signal, values, step in zip(r.outputs, r.y, examined.steps[1:], strict=True):
         if is_constant(values):
             continue
-        size = np.maximum(_local_noise(values), max(noise_of(values), 0.5 * resolution(values)))
+        size = np.maximum(_local_noise(values), max(noise_of(values), 0.5 * step))
         single = _single(values, size)
-        jumps = _jumps(values, single) if KINDS[signal.kind] == 0 else np.empty(0)
+        jumps = _jumps(values, single, step) if KINDS[signal.kind] == 0 else np.empty(0)
         figure = f"{single.size} single samples of '{signal.name}' are far off"
         threshold = f"{POLICY.far:g} standard deviations of the noise"
         if jumps.size:
@@ -74,7 +74,7 @@ def _say_input(examined: Examined) -> Iterator[CheckResult]:
     r = examined.recording
     if is_constant(r.u):
         return
-    jumps, span = _jumps(r.u, np.empty(0)).astype(int), min(POLICY.spans)
+    jumps, span = _jumps(r.u, np.empty(0), examined.steps[0]).astype(int), min(POLICY.spans)
     rests = [k for k in jumps if not (np.ptp(r.u[max(k - span, 0) : k + 1]) and np.ptp(r.u[k + 1 : k + 2 + span]))]
     steps = np.abs(np.diff(r.u))
     bends = np.abs(np.diff(r.u, 2))[span:-span]  # a jump that is one is much larger than what the input does elsewhere
@@ -111,14 +111,14 @@ def _single(x: Array, size: Array) -> Array:
     return np.asarray(np.flatnonzero(found) + 2)
 
 
-def _jumps(x: Array, single: Array) -> Array:
+def _jumps(x: Array, single: Array, step: float) -> Array:
     """Last samples before jumps of a position or an input: parabolas through the samples on either side do not meet.
 
     An impact changes the speed at once, but never the position. The difference of the two parabolas in the middle is
     compared with its usual size: the largest of so many Gaussian numbers (Bonferroni) is no chance. A jump is as large
     between its two samples, and between the shortest parabolas, as between longer ones; a motion that is none grows
-    with the third power of their length. It is more than one step of the resolution. `single` are outliers, which jump
-    back.
+    with the third power of their length. It is more than one `step` of the resolution. `single` are outliers, which
+    jump back.
     """
     steps = np.diff(x)
     near = np.abs(np.median(np.lib.stride_tricks.sliding_window_view(np.pad(steps, 2, mode="edge"), 5), axis=1))
@@ -136,7 +136,7 @@ def _jumps(x: Array, single: Array) -> Array:
         usual = median_filter(np.abs(gap), size=max(POLICY.near, 8 * span), mode="nearest")
         usual = np.maximum(usual, float(np.median(np.abs(gap)))) / norm.isf(0.25)
         stays = shortest[middle] * np.sign(gap) > 0.5 * np.abs(gap)
-        stays &= steps[middle] * np.sign(gap) > np.maximum(0.5 * np.abs(gap), 1.5 * resolution(x))
+        stays &= steps[middle] * np.sign(gap) > np.maximum(0.5 * np.abs(gap), 1.5 * step)
         clear = stays & (np.abs(gap) > np.maximum(limit * usual, bend + POLICY.soft * near[middle]))
         found[middle] = np.maximum(found[middle], np.where(clear, np.abs(gap) / np.maximum(usual, 1e-300), 0.0))
     for at in single.astype(int):
