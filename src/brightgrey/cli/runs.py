@@ -16,7 +16,7 @@ def runs(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or one with runs below it.")],
     json: Json = False,
 ) -> None:
-    """List the runs in a folder: what was asked for, whether it is finished, how much is done, the best so far."""
+    """List the runs in a folder: what was asked for, how much is done, and the structure found, or the best so far."""
     from rich.text import Text
 
     from brightgrey.api.resumable import list_runs
@@ -29,10 +29,10 @@ def runs(
         as_json([_run_as_json(where, run) for where, run in found])
         return
     console = screen()
-    table = plain_table("folder", "state", "evaluations >", "seconds >", "stage", "best so far")
+    table = plain_table("folder", "state", "evaluations >", "seconds >", "stage", "structure")
     for where, run in found:
         if isinstance(run, RunStatus):
-            cells = (str(run.evaluations), f"{run.seconds:.1f}", _stage(run), str(run.stage.get("best", "-")))
+            cells = (str(run.evaluations), f"{run.seconds:.1f}", _stage(run), _structure(where, run))
             table.add_row(str(where), run.state, *cells)
         else:
             table.add_row(str(where), "unreadable", "-", "-", "-", "-", style="yellow")
@@ -62,6 +62,19 @@ def _stage(run: Any) -> str:
     return f"{run.stage['name']} {run.stage['done']}{of}"
 
 
+def _structure(where: Path, run: Any) -> str:
+    """Structure that a finished run has found, else the best so far."""
+    if run.state != "finished":
+        return f"so far {run.stage['best']}" if "best" in run.stage else "-"
+    from brightgrey.errors import BrightgreyError
+    from brightgrey.model.model import load_model
+
+    try:
+        return str(load_model(where / "model.json").structure)
+    except BrightgreyError:  # it was moved or changed
+        return "-"
+
+
 def _run_as_json(where: Path, run: Any) -> dict[str, Any]:
     from dataclasses import asdict
 
@@ -69,4 +82,4 @@ def _run_as_json(where: Path, run: Any) -> dict[str, Any]:
 
     if not isinstance(run, RunStatus):
         return {"folder": str(where), "state": "unreadable", "error": str(run)}
-    return {**asdict(run), "folder": str(where)}
+    return {**asdict(run), "folder": str(where), "structure": _structure(where, run)}

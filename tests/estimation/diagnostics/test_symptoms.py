@@ -110,6 +110,13 @@ def test_symptoms__torque_that_drifts__has_its_size(share):
     assert size == pytest.approx(share * np.abs(TORQUE).max(), rel=0.1)
 
 
+def test_symptoms__drift_of_a_few_parts_per_million__does_not_matter():
+    """With hardly any noise it is significant all the same."""
+    ramp = 2e-5 * np.abs(TORQUE).max() * np.linspace(-0.5, 0.5, TORQUE.size)
+    measured = measured_from("one_mass+coulomb+viscous", RIGID, noise=1e-7)
+    assert "Torque drifts" not in symptoms_of("one_mass+coulomb+viscous", recording(measured.y[0], TORQUE - ramp))
+
+
 def with_position(lost, noise=2e-3):
     """Position by the reference solver with noise, without the samples of a slice; and the position of all."""
     q = reference("one_mass+coulomb+viscous", RIGID, TORQUE, E.dt, f_tanh=E.f_tanh, outputs=["position"])[0]

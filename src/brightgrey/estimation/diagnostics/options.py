@@ -101,7 +101,10 @@ class FaultOptions:
     negligible_decrease: float = 0.1
     min_own: float = 1e-6  #: Part of a fault's whitened response that other unknowns cannot make.
     min_jump: float = 1e-2  #: The same of its sum of squares, for a jump at a time that is looked for.
+    jump_from_ends: int = 16  #: Samples at either end in which no jump is looked for.
     min_share: float = 0.01  #: Sum of squares of a jump, in parts of the residual's, that matters.
+    #: Drift of the torque, over the RMS of the input, that matters: a tenth of a constant load that does.
+    least_drift: float = 1e-3
     #: Part of an output's variation (30 % of its RMS) that a fit leaves if the sign of the input is to be doubted.
     missed_share: float = 0.1
     turned_share: float = 0.5  #: Part of the cost that is left, at most, with the sign of the input turned.

@@ -91,7 +91,10 @@ def recording_faults(
     jump, white = _clearest_jump(fitted, options.symptom_level)
     tests = _wald_tests(fitted, white, (*drifts, *skews))
     found: list[RecordingFault] = []
+    usual = float(np.sqrt(np.mean(np.square(np.concatenate([r.u for r in problem.recordings])))))
     for nuisance, (value, std, degrees) in tests.items():
+        if nuisance in drifts and 2.0 * abs(value) < FAULT_DEFAULTS.least_drift * usual:
+            continue
         if abs(value) > std * float(student.ppf(1.0 - 0.5 * options.symptom_level / len(tests), degrees)):
             drift = nuisance in drifts  # it goes from minus its value to its value
             found.append(
@@ -287,7 +290,8 @@ def _jump_beyond_chance(fitted: FitContext, white: _Whitened, step: _Step, level
 def _explained_by_steps(model: Autoregression, left: Array, basis: Array) -> Array:
     """Sum of squares that a step from each sample on explains of a whitened segment, shape (samples,).
 
-    Zero where a basis makes the step, and in the first samples, where the position at the start makes it.
+    Zero where a basis makes the step, and near the ends: the position at the start makes it there, or nothing tells it
+    from the noise of the last samples.
 
     Parameters
     ----------
@@ -303,5 +307,7 @@ def _explained_by_steps(model: Autoregression, left: Array, basis: Array) -> Arr
     course = lfilter(model.a, [1.0], np.ones(samples)) / std
     whole = np.cumsum(np.square(course))[::-1]
     own = whole - np.square(products[:, 1:]).sum(axis=1)
-    told = (np.arange(samples) >= max(model.order, 1)) & (own > FAULT_DEFAULTS.min_jump * whole)
+    at = np.arange(samples)
+    first = max(model.order, FAULT_DEFAULTS.jump_from_ends)
+    told = (at >= first) & (at < samples - FAULT_DEFAULTS.jump_from_ends) & (own > FAULT_DEFAULTS.min_jump * whole)
     return np.where(told, np.square(products[:, 0]) / positive(own), 0.0)

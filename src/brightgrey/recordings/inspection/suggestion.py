@@ -12,7 +12,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.recordings.formats.table import TIME_NAME, Table
-from brightgrey.recordings.inspection.meaning import DRIVING, UNITS, Meaning, index_of, unit_in_name
+from brightgrey.recordings.inspection.meaning import DRIVING, MOTIONS, UNITS, Meaning, index_of, unit_in_name
 from brightgrey.recordings.inspection.profile import ChannelProfile
 from brightgrey.recordings.inspection.relations import explained_by_motion, is_even_time, on_one_time
 from brightgrey.recordings.policy import INSPECTION, READING
@@ -152,14 +152,10 @@ def suggest(channels: ReadChannels, time: TimeChoice) -> Suggestion | str:
         return f"there are {rows} rows and {width} columns: a channel has to be a column, so turn the table round"
     outputs = _best(changing, lambda i: _output_rank(channels.meanings[i]))
     if not outputs:
-        return "no channel looks like a position or a velocity: name it by --output NAME:KIND" + _text_of(
-            channels, ("position", "velocity", "acceleration")
-        )
+        return _lacking(channels, time, "a position or a velocity", "--output NAME:KIND", MOTIONS)
     inputs = _best([i for i in changing if i not in outputs], lambda i: _input_rank(channels.meanings[i]))
     if not inputs:
-        return "no channel looks like a torque, a force, a current or a voltage: name it by --input" + _text_of(
-            channels, DRIVING
-        )
+        return _lacking(channels, time, "a torque, a force, a current or a voltage", "--input NAME", DRIVING)
     pairs = [(u, y) for u in inputs[: INSPECTION.tried] for y in outputs[: INSPECTION.tried]]
     name = {i: channels.table.columns[i].name for i in (*inputs, *outputs)}
     same = [(u, y) for u, y in pairs if index_of(name[u]) == index_of(name[y])]
@@ -177,6 +173,15 @@ def suggest(channels: ReadChannels, time: TimeChoice) -> Suggestion | str:
     why.append(f"the motion explains {100 * max(parts[u, y], 0.0):.0f} % of the input's variance")
     options, questions = _options(channels, u, finer, time)
     return Suggestion(options, tuple(why), tuple(question for question in questions if question))
+
+
+def _lacking(channels: ReadChannels, time: TimeChoice, wanted: str, option: str, quantities: Sequence[str]) -> str:
+    """Return what a file lacks, and the options that mend it."""
+    dt = ". No column is a time: give the sampling interval by --dt SECONDS" if "dt" in time.options else ""
+    return (
+        f"no channel looks like {wanted}: name it by {option}. Where it is in a file of its own with the same rows, put"
+        f" that beside this one by --beside FILE{dt}{_text_of(channels, quantities)}"
+    )
 
 
 def _text_of(channels: ReadChannels, quantities: Sequence[str]) -> str:

@@ -64,8 +64,8 @@ def run(examined: Examined) -> Iterator[CheckResult]:
 def _at_limit(values: Array, step: float) -> tuple[float, float]:
     """Return the part of the samples in flat tops, and their value.
 
-    Noise of more than one `step` of the resolution makes no flat tops. Without it a top is one of a limit if it begins or ends with a
-    corner: a slope that would go on far beyond it.
+    Noise of more than one `step` of the resolution makes no flat tops. Without it a top is one of a limit if it begins
+    or ends with a corner: a slope that would go on far beyond it.
     """
     best = 0.0, 0.0
     noisy = float(difference_noise(values, 3)) > step
