@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 from brightgrey.version import __version__
 
 if TYPE_CHECKING:
-    from brightgrey.api.control import Design, Watch, analyse, design, watch
+    from brightgrey.api.control import Design, analyse, design
     from brightgrey.api.demo import demo
+    from brightgrey.api.fault_detection import Watch, watch
     from brightgrey.api.fleet.fleet import Fleet, Member, identify_fleet
     from brightgrey.api.fleet.manifest import Axis, read_manifest
     from brightgrey.api.identification import identify
@@ -100,8 +101,9 @@ __all__ = [
 ]
 
 _HOME = {
-    "api.control": ("Design", "Watch", "analyse", "design", "watch"),
+    "api.control": ("Design", "analyse", "design"),
     "api.demo": ("demo",),
+    "api.fault_detection": ("Watch", "watch"),
     "api.fleet.fleet": ("Fleet", "Member", "identify_fleet"),
     "api.fleet.manifest": ("Axis", "read_manifest"),
     "api.identification": ("identify",),

@@ -1,4 +1,4 @@
-"""Linear analysis, control design and fault detection with an identified model. Inside, all values are SI."""
+"""Linear analysis and control design with an identified model. Inside, all values are SI."""
 
 from __future__ import annotations
 
@@ -9,15 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.api.to_si import check_signals_of_model
 from brightgrey.arguments import checked_arguments
 from brightgrey.control.design.cascade import Cascade, design_cascade
 from brightgrey.control.design.lqg import kalman_gain, lqg_compensator
 from brightgrey.control.design.state_feedback import StateFeedbackDesign, design_state_feedback
-from brightgrey.control.faults.detection import FaultCase, FaultFinding, detect_faults
-from brightgrey.control.filters.extended_kalman import FilterResult, Noise
-from brightgrey.control.filters.gaussian_sum import gaussian_sum_filter
-from brightgrey.control.filters.setup import PreparedRecording, estimate_noise, prepare
+from brightgrey.control.filters.extended_kalman import Noise
 from brightgrey.control.linear.analysis import Analysis, analyse_system
 from brightgrey.control.linear.margins import Margins
 from brightgrey.control.linear.operating_point import trim_point
@@ -26,18 +22,15 @@ from brightgrey.effects import DAMPING, POSITION, SPEED, STIFFNESS, TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
 from brightgrey.model.model import Model
-from brightgrey.recordings import Recording, Units
+from brightgrey.recordings import Units
 
 __all__ = [
     "Design",
     "DesignAssumptions",
-    "Watch",
     "analyse",
     "cascade_models",
     "design",
-    "innovation_correlation",
     "total_inertia",
-    "watch",
 ]
 
 
@@ -154,28 +147,6 @@ class Design:
             return None
         compensator = lqg_compensator(self.state_feedback, self.observer_gain)
         return self.state_feedback.analysis.margins(compensator, delay=self.delay)
-
-
-@dataclass(frozen=True)
-class Watch:
-    """Result of fault detection in one recording.
-
-    Attributes
-    ----------
-    prepared : PreparedRecording
-        Coordinates and data of the filter.
-    filtered : FilterResult
-        Estimated states and innovations, SI.
-    noise : Noise
-        From the recording without fault.
-    findings : tuple of FaultFinding
-        One for each fault of the structure.
-    """
-
-    prepared: PreparedRecording
-    filtered: FilterResult
-    noise: Noise
-    findings: tuple[FaultFinding, ...]
 
 
 def _output_kinds(model: Model) -> list[str]:
@@ -375,52 +346,3 @@ def total_inertia(analysis: Analysis) -> float:
     """Inertia of all masses, SI: the torque that an acceleration of 1 adds to steady motion."""
     mode, speed = analysis.operating_point.contact_mode, analysis.operating_point.speed
     return float(trim_point(mode, speed, 1.0).u - trim_point(mode, speed).u)
-
-
-@checked_arguments
-def watch(
-    model: Model, recording: Recording, *, baseline: Recording, min_change: float = 0.1, confidence: float = 0.99
-) -> Watch:
-    """Run a Kalman filter over a new recording and look for faults.
-
-    Parameters
-    ----------
-    model : Model
-    recording : Recording
-        With the model's signals.
-    baseline : Recording
-        A recording without fault, for the noise; best the one that the model was identified from.
-    min_change : float
-        Smallest relative change of interest, a ratio.
-    confidence : float
-        Probability at which a change is reported, 0.5 to 1 (a ratio).
-
-    Returns
-    -------
-    Watch
-
-    Raises
-    ------
-    SettingsError
-        If `min_change` or `confidence` is out of range.
-    RecordingError
-        If the signals of a recording are not those of the model.
-    """
-    for came in (recording, baseline):
-        check_signals_of_model(model, came)
-    settings, values = model.settings_si(), model.values_si()
-    noise = estimate_noise(model.structure, values, baseline, settings)
-    std = {
-        name: (part.std or 0.0) / model.units.of(model.structure.parameters[name].dimension)[1]
-        for name, part in model.parameters.items()
-    }
-    case = FaultCase(values, recording, noise, std)
-    (findings,) = detect_faults(model.structure, settings, [case], min_change=min_change, confidence=confidence)
-    prepared = prepare(model.structure, values, recording, settings)
-    return Watch(prepared, gaussian_sum_filter(prepared.filter_input, noise), noise, findings)
-
-
-def innovation_correlation(filtered: FilterResult) -> float:
-    """Correlation of neighbouring innovations: 0 if only noise is left, near 1 for a systematic error of the model."""
-    white = filtered.normalised_innovations[1:, 0]
-    return float(np.mean(white[1:] * white[:-1]) / np.mean(white**2))

@@ -111,7 +111,7 @@ def watch(
     from brightgrey.model.model import load_model
 
     loaded = load_model(model)
-    from brightgrey.api.control import watch as run
+    from brightgrey.api.fault_detection import watch as run
     from brightgrey.api.simulation import read_for
 
     before, now = (read_for(loaded, f, time=time, dt=dt, units=given) for f in (baseline, recording))

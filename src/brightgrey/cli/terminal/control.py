@@ -13,7 +13,8 @@ from brightgrey.cli.terminal.overview import plain_table
 from brightgrey.cli.terminal.results import as_json, screen
 
 if TYPE_CHECKING:
-    from brightgrey.api.control import Design, Watch
+    from brightgrey.api.control import Design
+    from brightgrey.api.fault_detection import Watch
     from brightgrey.control.linear.analysis import Analysis
     from brightgrey.control.linear.controllability import Controllability
     from brightgrey.control.linear.margins import Margins
@@ -182,7 +183,7 @@ def _gains(rows: list[tuple[str, float, str]]) -> str:
 
 def show_watch(found: Watch, *, quiet: bool, json: bool) -> None:
     """Print the findings of fault detection."""
-    from brightgrey.api.control import innovation_correlation
+    from brightgrey.api.fault_detection import innovation_correlation
 
     nis = float(found.filtered.nis.mean()) / found.filtered.innovations.shape[2]
     if json:
