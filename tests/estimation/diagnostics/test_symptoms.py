@@ -110,6 +110,17 @@ def test_symptoms__torque_that_drifts__has_its_size(share):
     assert size == pytest.approx(share * np.abs(TORQUE).max(), rel=0.1)
 
 
+def test_symptoms__start_in_another_state__names_the_first_part_and_the_option():
+    t = E.dt * np.arange(TORQUE.size)
+    measured = measured_from("one_mass+coulomb+viscous", RIGID, beside=0.1 * (t < 0.08) * np.sin(80.0 * t))
+    symptom = symptoms_of("one_mass+coulomb+viscous", measured)["Start is off"]
+    assert "--initial estimated" in symptom.advice
+    assert not symptom.unmodelled
+    assert "Start is off" not in symptoms_of(
+        "one_mass+viscous", measured_from("one_mass+coulomb+viscous", RIGID)
+    )  # what is missing is missing everywhere
+
+
 def test_symptoms__drift_of_a_few_parts_per_million__does_not_matter():
     """With hardly any noise it is significant all the same."""
     ramp = 2e-5 * np.abs(TORQUE).max() * np.linspace(-0.5, 0.5, TORQUE.size)

@@ -121,6 +121,9 @@ class DiagnosticOptions:
     reversal_speed: float = 0.02  #: Part of the largest speed that counts as motion in the other direction.
     half_sample: tuple[float, float] = (0.3, 0.7)  #: Range of a lag, in sampling intervals, that may be half a sample.
     large_lag: float = 2.0  #: Sampling intervals from which a lag is large.
+    start_blocks: int = 20  #: Blocks of a recording, the first of which is compared with the others,
+    start_samples: int = 20  #: samples that each has to have,
+    start_ratio: float = 4.0  #: and ratio of its mean square to the largest other one from which it is reported.
     #: Probability of a regressor in residuals that follow nothing, the same of a peak, and of a fault of a recording.
     symptom_level: float = 0.01
 

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from brightgrey.arrays import Array
+from brightgrey.arrays import Array, positive
 from brightgrey.effects import DAMPING, Effect, Scales, registry
 from brightgrey.estimation.diagnostics.options import (
     DIAGNOSTIC_DEFAULTS,
@@ -83,6 +83,7 @@ def residual_symptoms(
     return (
         *_peaks(context, arrays, options),
         *_detected(context, arrays, scales, options),
+        *_starts(context, options),
     )
 
 
@@ -228,6 +229,35 @@ def _peak_symptom(peak: Peak, name: str, structure: Structure) -> Symptom:
         else f"the residual is not coherent with the input there: look for a vibration or hum from elsewhere, or {more}"
     )
     return Symptom("Peak in the residual", observation, advice, peak.coherent)
+
+
+def _starts(context: FitContext, options: DiagnosticOptions) -> list[Symptom]:
+    """Starts of recordings that leave far more than any later part, by more than the motion differs there."""
+    found = []
+    for r, errors in split_recordings(context.best.residual, context.problem.recordings):
+        length = r.samples // options.start_blocks
+        if length < options.start_samples:
+            continue
+        for signal, y, error in zip(r.outputs, r.y, errors, strict=True):
+            left, moved = (_mean_squares(x, length) for x in (error, np.gradient(y)))
+            times, livelier = (float(x[0] / positive(x[1:].max())) for x in (left, moved))
+            if times > options.start_ratio * max(livelier, 1.0):
+                observation = (
+                    f"the first {length * r.dt:.2g} s of {signal.name} in {r.name} leave a residual whose RMS is"
+                    f" {np.sqrt(times):.2g} times that of any later part"
+                )
+                advice = (
+                    "the drive was not at rest there, or a gap was open: try --initial estimated, or leave the start"
+                    " out by --window"
+                )
+                found.append(Symptom("Start is off", observation, advice, unmodelled=False))
+    return found
+
+
+def _mean_squares(x: Array, length: int) -> Array:
+    """Mean squares of blocks of a length, shape (blocks,)."""
+    blocks = x[: x.size // length * length].reshape(-1, length)
+    return np.asarray(np.square(blocks).mean(axis=1))
 
 
 def _periodic_signals(motion: SimulatedMotion, f_tanh: float) -> list[Array]:
