@@ -83,7 +83,7 @@ def residual_symptoms(
     return (
         *_peaks(context, arrays, options),
         *_detected(context, arrays, scales, options),
-        *_starts(context, options),
+        *_bad_starts(context, options),
     )
 
 
@@ -231,7 +231,7 @@ def _peak_symptom(peak: Peak, name: str, structure: Structure) -> Symptom:
     return Symptom("Peak in the residual", observation, advice, peak.coherent)
 
 
-def _starts(context: FitContext, options: DiagnosticOptions) -> list[Symptom]:
+def _bad_starts(context: FitContext, options: DiagnosticOptions) -> list[Symptom]:
     """Starts of recordings that leave far more than any later part, by more than the motion differs there."""
     found = []
     for r, errors in split_recordings(context.best.residual, context.problem.recordings):
