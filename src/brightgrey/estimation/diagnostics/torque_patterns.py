@@ -104,7 +104,8 @@ TORQUE_PATTERNS = (
         lambda m, sign, scales: _harmonics(m),
         "Torque repeats with the position",
         "a torque that repeats with the position",
-        "try a position-dependent load: an arm, an eccentric load, cogging",
+        "try a position-dependent load: an arm, an eccentric load, cogging. Where the structure has one, this one is no"
+        " sine, or has another period",
     ),
     TorquePattern(
         "friction ripple with position",

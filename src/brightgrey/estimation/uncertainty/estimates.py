@@ -78,6 +78,9 @@ def estimates_of(
 ) -> Estimates:
     """Estimates with intervals, which are symmetric in the scaled space; a parameter at its bound has none.
 
+    The size of an effect that may be zero as well, by its standard deviation, has an interval from zero: the residual
+    is linear in it there, and a symmetric interval of its logarithm would end anywhere.
+
     A parameter at a low bound that stands for zero may be larger all the same. It counts as free, linearly, when the
     intervals of the others are computed.
 
@@ -98,7 +101,9 @@ def estimates_of(
         between, differs = heterogeneity(problem, space, settings, best, options)
     result = {name: Estimate(value, 0.0, (value, value), None) for name, value in space.fixed.items()}
     for i, name in enumerate(space.names):
-        result[name] = _to_si(space, i, best.values, spread, float(between[i]), _BOUND_SIDES[int(side[i])])
+        declared = problem.structure.parameters.get(name)
+        vanishes = declared is not None and declared.size
+        result[name] = _to_si(space, i, best.values, spread, float(between[i]), _BOUND_SIDES[int(side[i])], vanishes)
     names = tuple(name for name, differing in zip(space.names, differs, strict=True) if differing)
     correlation = _correlations(space, spread.covariance, spread.std)
     return Estimates(result, tuple(spread.unidentifiable), names, correlation, spread.upper_limits)
@@ -164,15 +169,21 @@ def _correlations(space: ParameterSpace, covariance: Array, std: Array) -> dict[
 
 
 def _to_si(
-    space: ParameterSpace, i: int, values: Array, spread: _Spread, between: float, at_bound: BoundSide | None
+    space: ParameterSpace,
+    i: int,
+    values: Array,
+    spread: _Spread,
+    between: float,
+    at_bound: BoundSide | None,
+    vanishes: bool,
 ) -> Estimate:
-    """Estimate of parameter i in SI, from standard deviations in the scaled space."""
+    """Estimate of parameter i in SI, from standard deviations in the scaled space; `vanishes` if it is a size."""
     value, std = float(values[i]), float(spread.std[i])
     half = float(spread.quantile[i]) * std
     if space.log[i]:
         unit = abs(value)
         factor = float(np.exp(min(half, 700.0)))  # the largest exponent whose exponential is finite
-        interval = (value / factor, value * factor)
+        interval = (0.0, value * (1.0 + half)) if vanishes and half >= 1.0 else (value / factor, value * factor)
     else:
         unit = float(space.width[i])
         interval = (value - half * unit, value + half * unit)

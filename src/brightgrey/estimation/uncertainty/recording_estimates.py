@@ -58,6 +58,7 @@ def _in_recording(
         value, quantile = mean.value + deviation, (mean.ci95[1] - mean.value) / mean.std if mean.std else np.nan
         return Estimate(value, std, (value - quantile * std, value + quantile * std), None)
     value = mean.value * float(np.exp(deviation))
-    quantile = float(np.log(mean.ci95[1] / mean.value)) / stds[parameter] if mean.std else np.nan
+    from_zero, above = mean.ci95[0] == 0.0, mean.ci95[1] / mean.value
+    quantile = float(above - 1.0 if from_zero else np.log(above)) / stds[parameter] if mean.std else np.nan
     factor = float(np.exp(quantile * std))
     return Estimate(value, value * std, (value / factor, value * factor), None)
