@@ -1,7 +1,7 @@
 """Calibration of the self-test: what it says beforehand beside what happens with fresh noise.
 
     python bench/selftest.py run 0 40 --seed 36 [--masses 1] [--draws 20] [--fresh 20] [--noise 0.01] [--whole]
-    python bench/selftest.py table --seed 36
+    python bench/selftest.py table --seed 36 [--masses 1]
     python bench/selftest.py real [--only demo|mte360|emps] [--draws 10] [--found-only] [--whole] --save
 
 `run` takes random drives of the paper's grammar by the reference solver (`support/drives.py`), identifies each from one
@@ -11,7 +11,7 @@ again, and every verdict; and how often an interval holds the simulated value, o
 `--masses` masses, and the searches are among such structures. `--whole` makes whole identifications in the self-test,
 not fast ones; those with fresh noise are always whole.
 
-Rows are kept in bench/results/selftest_seed<seed>.jsonl.gz; `run` goes on where the file ends.
+Rows are kept in bench/results/selftest_seed<seed>[_masses<masses>].jsonl.gz; `run` goes on where the file ends.
 """
 
 from __future__ import annotations
@@ -204,7 +204,7 @@ def main() -> None:
     parser.add_argument("last", type=int, nargs="?", default=40, help="and of the one after the last")
     parser.add_argument("--seed", type=int, default=36)
     parser.add_argument("--noise", type=float, default=0.01, help="standard deviation over the peak")
-    parser.add_argument("--masses", type=int, default=4, help="largest number of masses")
+    parser.add_argument("--masses", type=int, choices=(1, 2, 3, 4), default=4, help="largest number of masses")
     parser.add_argument("--draws", type=int, default=20)
     parser.add_argument("--fresh", type=int, default=20, help="recordings of the true drive with fresh noise")
     parser.add_argument("--whole", action="store_true", help="whole identifications in the self-test")
@@ -213,7 +213,8 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, help="file of the rows, instead of that of the seed in bench/results/")
     options = parser.parse_args()
-    path = options.out or RESULTS / f"selftest_seed{options.seed}{'_whole' if options.whole else ''}.jsonl.gz"
+    kind = ("_whole" if options.whole else "") + (f"_masses{options.masses}" if options.masses < 4 else "")
+    path = options.out or RESULTS / f"selftest_seed{options.seed}{kind}.jsonl.gz"
     if options.what == "run":
         candidates = [s for s in PAPER.structures() if s.masses <= options.masses]
         add_rows(

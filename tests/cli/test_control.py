@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from brightgrey.api.control import design
+from brightgrey.api.control import analyse, design
+from brightgrey.control.linear.margins import Compensator
 from brightgrey.model.model import load_model
 from brightgrey.recordings import Units
 from support.models import model_with_values
@@ -84,6 +85,42 @@ def test_control__position_dependent_load__gives_a_cascade_and_says_why_no_state
     assert all(m["stable"] for m in found["cascade"]["position_margins"].values())
     said = call("control", arm, "--torque", "5").out
     assert "no constant torque keeps a speed" in said
+    assert "friction and load take 2" in call("control", arm, "--torque", "0.5").err  # the arm held level
+
+
+SECOND = {"J2": 0.06, "c1": 300.0, "d1": 0.1, "f_v": 0.01}
+
+
+@pytest.mark.parametrize(
+    ("structure", "values", "places"),
+    [
+        ("one_mass+coulomb+pendulum", {"M_C": 0.1, "G": 1.0, "k": 1.0, "phi_0": 0.0}, 2),  # a pole on the axis
+        ("one_mass+ground_spring", {"c_g": 1.0}, 1),
+        (
+            "two_mass+viscous+backlash+pendulum@2",
+            {**SECOND, "alpha": 0.02, "G@2": 1.0, "k@2": 1.0, "phi_0@2": 0.0},
+            4,
+        ),
+        (
+            "two_mass+viscous+pendulum+pendulum@2",
+            {**SECOND, "G": 1.0, "k": 1.0, "phi_0": 0.0, "G@2": 1.0, "k@2": 1.0, "phi_0@2": 0.0},
+            2,
+        ),
+    ],
+)
+def test_design__loads_that_depend_on_the_position__have_a_stable_cascade(structure, values, places):
+    found = design(model_with_values(structure, {"J1": 0.02, **values}, kinds=("position",)), torque=5.0)
+    assert len(set(found.places)) == len(found.places) == places
+    assert all(m.stable for m in (*found.cascade.speed_margins, *found.cascade.position_margins))
+    assert found.state_feedback is found.observer_gain is found.noise is found.observer_margins is None
+
+
+@pytest.mark.parametrize("position", [0.0, 1.0, 2.0, 2.5, 3.0, -2.0, -3.0])
+def test_analyse__speed_control_with_an_integral_of_an_arm__is_stable_in_every_pose(position):
+    """The position stays wherever it is: the pole at 0 is no matter of rounding."""
+    values = {"J1": 0.06, "f_v": 0.05, "G": 1.0, "k": 1.0, "phi_0": 0.0}
+    model = model_with_values("one_mass+viscous+pendulum", values, kinds=("velocity",))
+    assert analyse(model, position=position).margins(Compensator.of([39.0, 39.0 / 0.00615], [1.0, 0.0])).stable
 
 
 def test_analyse__position_dependent_load__holds_at_the_position_asked_for(call, arm):

@@ -89,6 +89,10 @@ def test_resolution__fixed_number_of_significant_digits__is_that_of_the_usual_va
     assert resolution(values) == pytest.approx(1e-3)
     decimals = np.round(60.0 * np.sin(np.linspace(0.0, 30.0, 4000)), 2)
     assert resolution(decimals) == pytest.approx(1e-2)
+    rests = np.round(
+        100.0 * np.sin(np.concatenate([np.linspace(0.0, np.pi / 2.0, 1000), np.full(1000, np.pi / 2.0)])), 4
+    )
+    assert resolution(rests) == pytest.approx(1e-4)
 
 
 def test_resolution__differenced_encoder__is_one_count_per_interval() -> None:

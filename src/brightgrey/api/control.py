@@ -16,7 +16,7 @@ from brightgrey.control.design.state_feedback import StateFeedbackDesign, design
 from brightgrey.control.filters.extended_kalman import Noise
 from brightgrey.control.linear.analysis import Analysis, analyse_system
 from brightgrey.control.linear.margins import Margins
-from brightgrey.control.linear.operating_point import trim_point
+from brightgrey.control.linear.operating_point import OperatingPoint, trim_point
 from brightgrey.control.policy import ANALYSIS
 from brightgrey.effects import DAMPING, POSITION, SPEED, STIFFNESS, TORQUE
 from brightgrey.errors import SettingsError
@@ -63,8 +63,8 @@ DESIGN_ASSUMPTIONS = DesignAssumptions()
 
 _NO_STATE_FEEDBACK = (
     "There is no state feedback of speed: the load depends on the position, so that no constant torque keeps a speed."
-    " The cascade holds where the load pulls back most, and where it pushes away most."
 )
+_EXTREMES = "The cascade was designed where the load pulls back most, and where it pushes away most."
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Design:
     state_feedback : StateFeedbackDesign or None
         Linear-quadratic control of speed with integral action. None if a load depends on the position, so that no
         constant torque keeps a speed.
-    noise : Noise
+    noise : Noise or None
         Disturbance and measurement noise of the Kalman filter.
     observer_gain : ndarray, shape (n, 1), or None
         Gains of the stationary Kalman filter that estimates the states from the measured speed.
@@ -96,7 +96,7 @@ class Design:
     analyses: tuple[Analysis, ...]
     cascade: Cascade
     state_feedback: StateFeedbackDesign | None
-    noise: Noise
+    noise: Noise | None
     observer_gain: NDArray[np.float64] | None
     delay: float
     units: Units
@@ -232,8 +232,9 @@ def design(
     left = largest_torque - _steady_torque(analyses, model, torque)
     cascade = design_cascade(analyses, total_inertia(analyses[0]), dt, computing_time=computing_time)
     if any(p.effect.port_reads == "position" for p in model.structure.placed):
-        found = Design(analyses, cascade, None, Noise(0.0, np.zeros(1)), None, delay, model.units)
-        return replace(found, notes=(_NO_STATE_FEEDBACK, *_notes_on_cascade(found, model.settings.sampling_time)))
+        found = Design(analyses, cascade, None, None, None, delay, model.units)
+        said = (_NO_STATE_FEEDBACK, *([_EXTREMES] if len({p.position for p in map(_point, analyses)}) > 1 else []))
+        return replace(found, notes=(*said, *_notes_on_cascade(found, model.settings.sampling_time)))
     analysis = analyse_system(assemble(model.structure, values, settings.f_tanh, ("velocity",)), speed=speed)
     noise = Noise(assumptions.disturbance * largest_torque, np.array([assumptions.sensor_noise * largest_speed]))
     gain = kalman_gain(analysis.linear, noise, dt)
@@ -263,23 +264,32 @@ def _is_well_damped(found: Design, assumptions: DesignAssumptions) -> bool:
 def _steady_torque(analyses: Sequence[Analysis], model: Model, limit: float) -> float:
     """Torque that keeps the speed of the linear models, in the direction and at the position that need most, SI.
 
+    What a spring to the ground takes away from position 0 is not counted: nothing says how far the drive will travel.
+
     Raises
     ------
     SettingsError
         If the `limit`, in the model's units, is less than that.
     """
-    points = [a.operating_point for a in analyses if a.operating_point.contact_mode.contact != "gap"]
-    back = [replace(p.contact_mode, contact="backward") for p in points]
-    steady = [abs(p.u) for p in points]
-    steady += [abs(trim_point(m, -p.speed, position=p.position).u) for m, p in zip(back, points, strict=True)]
+    forward = _point(analyses[0]).contact_mode
+    back, speed = replace(forward, contact="backward"), _point(analyses[0]).speed
+    steady = [
+        abs(trim_point(mode, v, position=q).u)
+        for mode, v in ((forward, speed), (back, -speed))
+        for q in _extreme_positions(model)[1]
+    ]
     needed, (unit, factor) = max(steady), model.units.of(TORQUE)
     if limit > needed * factor:
         return needed
     at, of_speed = model.units.of(SPEED)
     raise SettingsError(
         f"a torque of {limit:g} {unit} does not move this drive: friction and load take {needed * factor:.4g} {unit} at"
-        f" {points[0].speed * of_speed:.4g} {at}, half the largest speed of the recording; give a larger limit"
+        f" {speed * of_speed:.4g} {at}, half the largest speed of the recording; give a larger limit"
     )
+
+
+def _point(analysis: Analysis) -> OperatingPoint:
+    return analysis.operating_point
 
 
 def _notes_on_design(found: Design, slower: float, settling_time: float, recorded: float) -> tuple[str, ...]:
@@ -322,18 +332,28 @@ def cascade_models(model: Model) -> tuple[Analysis, ...]:
     settings = model.settings_si()
     both = assemble(model.structure, model.values_si(), settings.f_tanh, ("position", "velocity"))
     contacts = ("forward", "gap") if any(e.limits is not None for e in both.elements) else ("forward",)
-    speed, at = ANALYSIS.part_of_speed * settings.speed_scale, _positions_of_steepest_load(model)
+    speed, at = ANALYSIS.part_of_speed * settings.speed_scale, _extreme_positions(model)[0]
     return tuple(analyse_system(both, speed=speed, contact=c, position=q) for c in contacts for q in at)
 
 
-def _positions_of_steepest_load(model: Model) -> tuple[float, ...]:
-    """Positions of mass 1, SI, where a load by a sine of the position is steepest: hanging, and upright; else 0."""
-    values, found = model.values_si(), list[float]()
-    for placed in model.structure.placed:
-        if placed.effect.search.wave is not None:
-            k, phase = (values[placed.parameter(symbol)] for symbol in placed.effect.search.wave)
-            found += [(turn - phase) / k for turn in (0.0, np.pi)]
-    return tuple(found) or (0.0,)
+def _extreme_positions(model: Model) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Positions of mass 1, SI, at which loads by sines of the position are steepest, and at which they are largest.
+
+    First the one where they pull back most, and the one where they push away most: hanging and upright. All masses are
+    taken at one position. Without such loads it is 0 alone.
+    """
+    values = model.values_si()
+    waves = [p for p in model.structure.placed if p.effect.search.wave is not None and p.effect.law is not None]
+    numbers = [tuple(values[p.parameter(q.symbol)] for q in p.effect.parameters) for p in waves]
+    if not waves:
+        return (0.0,), (0.0,)
+    of_wave = [tuple(values[p.parameter(s)] for s in p.effect.search.wave or ()) for p in waves]
+    k, phase = min(of_wave, key=lambda pair: abs(pair[0]))
+    q = (2.0 * np.pi * np.arange(ANALYSIS.points_of_a_wave) / ANALYSIS.points_of_a_wave - phase) / k
+    loads = [p.effect.law.value((q,), own) for p, own in zip(waves, numbers, strict=True) if p.effect.law]
+    slope, torque = sum(slopes[0] for _, slopes in loads), sum(load for load, _ in loads)
+    at = [float(q[int(np.argmin(x))]) for x in (slope, -slope, torque, -torque)]
+    return tuple(at[:2]), tuple(at[2:])
 
 
 def _check_range(name: str, value: float, least: float, largest: float) -> None:

@@ -32,7 +32,7 @@ def runs(
     table = plain_table("folder", "state", "evaluations >", "seconds >", "stage", "structure")
     for where, run in found:
         if isinstance(run, RunStatus):
-            cells = (str(run.evaluations), f"{run.seconds:.1f}", _stage(run), _structure(where, run))
+            cells = (str(run.evaluations), f"{run.seconds:.1f}", _stage(run), _shown_structure(where, run))
             table.add_row(str(where), run.state, *cells)
         else:
             table.add_row(str(where), "unreadable", "-", "-", "-", "-", style="yellow")
@@ -62,17 +62,22 @@ def _stage(run: Any) -> str:
     return f"{run.stage['name']} {run.stage['done']}{of}"
 
 
-def _structure(where: Path, run: Any) -> str:
-    """Structure that a finished run has found, else the best so far."""
+def _shown_structure(where: Path, run: Any) -> str:
+    found = _structure(where, run)
+    return "-" if found is None else found if run.state == "finished" else f"so far {found}"
+
+
+def _structure(where: Path, run: Any) -> str | None:
+    """Structure that a finished run has found, else the best so far; None without any."""
     if run.state != "finished":
-        return f"so far {run.stage['best']}" if "best" in run.stage else "-"
+        return str(run.stage["best"]) if "best" in run.stage else None
     from brightgrey.errors import BrightgreyError
     from brightgrey.model.model import load_model
 
     try:
         return str(load_model(where / "model.json").structure)
     except BrightgreyError:  # it was moved or changed
-        return "-"
+        return None
 
 
 def _run_as_json(where: Path, run: Any) -> dict[str, Any]:

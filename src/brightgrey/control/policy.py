@@ -14,6 +14,7 @@ class AnalysisPolicy:
     part_of_speed: float = 0.5  #: Of the largest speed: where a model is linearised unless told otherwise.
     most_newton_steps: int = 20  #: Towards a steady motion.
     balance_tolerance: float = 1e-8  #: Residual of a steady motion, relative to the largest term of the balance.
+    points_of_a_wave: int = 720  #: Positions among which a position-dependent load is steepest or largest.
     #: Of the fastest pole: a pole nearer to the imaginary axis counts as on it.
     axis_tolerance: float = 1e-9
     #: Remainder of a Krylov direction, relative to A, that counts as zero.

@@ -84,10 +84,14 @@ def _printed_step(values: Array, same_level: float, few: int = 7) -> float:
     size = 10.0 ** np.floor(np.log10(present))
     for digits in range(3, few + 1):
         step = size * 10.0 ** (1 - digits)
-        counts = present / step
-        if np.abs(counts - np.rint(counts)).max() <= same_level * 10.0**digits:
-            return float(np.median(step))
+        if _are_whole(present / step, same_level * 10.0**digits):
+            finest = 10.0 * float(np.quantile(step, 0.01))  # what is on it has the same decimals, small or large
+            return 0.0 if _are_whole(present / finest, same_level * 10.0**few) else float(np.median(step))
     return 0.0
+
+
+def _are_whole(counts: Array, slack: float) -> bool:
+    return bool(np.abs(counts - np.rint(counts)).max() <= slack)
 
 
 def difference_noise(values: Array, order: int) -> Array:

@@ -157,7 +157,7 @@ def show_design(found: Design, *, quiet: bool, json: bool) -> None:
 def _state_control(found: Design) -> dict[str, Any]:
     """State feedback and Kalman filter for JSON; None each where there is none."""
     s, observed = found.state_feedback, found.observer_margins
-    if s is None or found.observer_gain is None or observed is None:
+    if s is None or found.observer_gain is None or observed is None or found.noise is None:
         return {"state_control": None, "observer": None}
     return {
         "state_control": {

@@ -35,8 +35,12 @@ class CascadeGoal:
     reset_crossover: float = 4.0
     gain_step: float = 1.5  #: Ratio of neighbouring gains in the search.
     bisections: int = 4  #: Bisections of the last step of the search.
-    slower: int = 10  #: Speed loops that are tried, from the fastest one on,
-    slower_step: float = 0.85  #: and the ratio of their crossover frequencies.
+    slower: int = 6  #: Speed loops that are tried, from the fastest one on,
+    slower_step: float = 0.75  #: and the ratio of their crossover frequencies.
+    position_low: float = (
+        1e-2  #: Position gain over the crossover frequency at which the search for the largest begins,
+    )
+    position_bisections: int = 7  #: and its bisections up to the crossover frequency.
 
 
 CASCADE_GOAL = CascadeGoal()
@@ -81,8 +85,7 @@ def _output_row(analysis: Analysis, name: str) -> Array:
 def speed_loop_margins(analysis: Analysis, gain: float, reset: float, delay: float) -> Margins:
     """Stability margins of the speed loop; `delay` in s is added to the drive's dead time."""
     one = minimal_realisation(analysis.linear._replace(C=_output_row(analysis, "velocity")[None], D=np.zeros((1, 1))))
-    total, free = analysis.dead_time + delay, analysis.depends_on_position
-    return stability_margins(one, _pi_controller(gain, reset), dead_time=total, free_position=free)
+    return stability_margins(one, _pi_controller(gain, reset), dead_time=analysis.dead_time + delay)
 
 
 def position_loop_margins(
@@ -153,9 +156,12 @@ def design_cascade(
             found = [position_loop_margins(a, position_gain, gain, reset, delay) for a in analyses]
             return all(_meets_goal(m, goal) and peak <= goal.overshoot for m, peak in found)
 
-        position = _largest_gain(position_meets_goal, 1e-2 * crossover, crossover, goal)
-        if position is None:
+        position, too_high = goal.position_low * crossover, crossover
+        if not position_meets_goal(position):
             return None
+        for _ in range(goal.position_bisections):
+            middle = float(np.sqrt(position * too_high))
+            position, too_high = (middle, too_high) if position_meets_goal(middle) else (position, middle)
         return Cascade(
             position,
             gain,
@@ -164,9 +170,13 @@ def design_cascade(
             tuple(position_loop_margins(a, position, gain, reset, delay)[0] for a in analyses),
         )
 
-    crossovers = fastest_crossover * goal.slower_step ** np.arange(goal.slower)
-    found = [around(float(c)) for c in crossovers if speed_meets_goal(float(c))]
-    best = max((c for c in found if c is not None), key=lambda c: c.stiffness, default=None)
+    best: Cascade | None = None
+    for crossover in (fastest_crossover * goal.slower_step ** np.arange(goal.slower)).tolist():
+        if best is not None and inertia * crossover**2 <= best.stiffness:  # no slower loop can be as stiff
+            break
+        found = around(crossover) if speed_meets_goal(crossover) else None
+        if found is not None and (best is None or found.stiffness > best.stiffness):
+            best = found
     if best is None:
         raise _unattainable("position loop", goal)
     return best

@@ -136,7 +136,7 @@ def frequency_grid(roots: Sequence[complex], top: float | None = None) -> Array:
     for r in roots:
         center, width = abs(r.imag), max(abs(r.real), 1e-6 * abs(r.imag))
         if center > 0.0:
-            around = center + width * np.linspace(-6.0, 6.0, 121)
+            around = center + width * np.linspace(-6.0, 6.0, 120)  # an even number: an undamped pole is between two
             grid.append(around[(around > low) & (around < high)])
     return np.unique(np.concatenate(grid))
 
@@ -160,9 +160,11 @@ def stability_margins(
     *,
     output: int = 0,
     dead_time: float = 0.0,
-    free_position: bool = False,
 ) -> Margins:
     """Stability margins of the loop ``L = compensator * plant`` with negative feedback of one output.
+
+    An integral part whose pole the plant cancels by a zero at 0 does not count. With a speed controller and a load that
+    depends on the position that is so: the position stays wherever it is.
 
     Parameters
     ----------
@@ -172,9 +174,6 @@ def stability_margins(
         Index of the output that is fed back.
     dead_time : float
         Of the drive and the computer, and half a sampling interval for the hold, s.
-    free_position : bool
-        A speed is controlled with integral action, and a load depends on the position. Then the position stays wherever
-        it is: one pole at 0 that counts as stable.
     """
     one = Linear(linear.A, linear.B, linear.C[output : output + 1], linear.D[output : output + 1])
     loop = open_loop(compensator, one)
@@ -189,7 +188,7 @@ def stability_margins(
 
     gains, phases, delays, crossover = _crossings(omega, L, at)
     poles = _poles_of_closed(loop, dead_time)
-    if free_position:
+    if _cancels_integral(compensator, one):
         poles = np.delete(poles, np.argmin(np.abs(poles)))
     return Margins(
         stable=bool(np.all(poles.real < 0.0)),
@@ -199,6 +198,21 @@ def stability_margins(
         delay=min(delays, default=math.inf),
         sensitivity=float(np.max(1.0 / np.abs(1.0 + L))),
         crossover=crossover,
+    )
+
+
+def _cancels_integral(compensator: Compensator, one: Linear) -> bool:
+    """True if a controller has an integral part, and the plant a zero at 0 and no pole there."""
+    rounding = ANALYSIS.axis_tolerance
+    of_controller, of_plant = (np.abs(np.linalg.eigvals(A)) for A in (compensator.A, one.A))
+    if not (of_controller <= rounding * of_controller.max(initial=1.0)).any():
+        return False
+    if not of_plant.size or of_plant.min() <= rounding * of_plant.max():
+        return False
+    at_zero = np.linalg.solve(one.A, one.B)[:, 0]
+    gain, terms = one.D[0, 0] - one.C[0] @ at_zero, np.abs(one.C[0]) @ np.abs(at_zero) + abs(one.D[0, 0])
+    return bool(
+        abs(gain) <= rounding * np.linalg.cond(one.A) * max(terms, np.linalg.norm(one.C) * np.abs(at_zero).max())
     )
 
 

@@ -233,6 +233,13 @@ def _peak_symptom(peak: Peak, name: str, structure: Structure) -> Symptom:
 
 def _bad_starts(context: FitContext, options: DiagnosticOptions) -> list[Symptom]:
     """Starts of recordings that leave far more than any later part, by more than the motion differs there."""
+    estimated = any(part.name.startswith("speed") for part in context.problem.unknown_initial)
+    advice = (
+        "what the drive did before the first sample may act on there: leave the start out by --window"
+        if estimated
+        else "the drive was not at rest there, or a gap was open: try --initial estimated, or leave the start out by"
+        " --window"
+    )
     found = []
     for r, errors in split_recordings(context.best.residual, context.problem.recordings):
         length = r.samples // options.start_blocks
@@ -245,10 +252,6 @@ def _bad_starts(context: FitContext, options: DiagnosticOptions) -> list[Symptom
                 observation = (
                     f"the first {length * r.dt:.2g} s of {signal.name} in {r.name} leave a residual whose RMS is"
                     f" {np.sqrt(times):.2g} times that of any later part"
-                )
-                advice = (
-                    "the drive was not at rest there, or a gap was open: try --initial estimated, or leave the start"
-                    " out by --window"
                 )
                 found.append(Symptom("Start is off", observation, advice, unmodelled=False))
     return found

@@ -183,7 +183,8 @@ def _to_si(
     if space.log[i]:
         unit = abs(value)
         factor = float(np.exp(min(half, 700.0)))  # the largest exponent whose exponential is finite
-        interval = (0.0, value * (1.0 + half)) if vanishes and half >= 1.0 else (value / factor, value * factor)
+        from_zero = vanishes and half >= 1.0  # up to there the logarithm reaches no less
+        interval = (0.0, value * max(1.0 + half, np.e)) if from_zero else (value / factor, value * factor)
     else:
         unit = float(space.width[i])
         interval = (value - half * unit, value + half * unit)

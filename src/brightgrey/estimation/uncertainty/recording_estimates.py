@@ -58,7 +58,9 @@ def _in_recording(
         value, quantile = mean.value + deviation, (mean.ci95[1] - mean.value) / mean.std if mean.std else np.nan
         return Estimate(value, std, (value - quantile * std, value + quantile * std), None)
     value = mean.value * float(np.exp(deviation))
-    from_zero, above = mean.ci95[0] == 0.0, mean.ci95[1] / mean.value
-    quantile = float(above - 1.0 if from_zero else np.log(above)) / stds[parameter] if mean.std else np.nan
+    if mean.ci95[0] == 0.0:  # a size that may be zero as well
+        half = (mean.ci95[1] / mean.value - 1.0) / stds[parameter] * std
+        return Estimate(value, value * std, (max(value * (1.0 - half), 0.0), value * (1.0 + half)), None)
+    quantile = float(np.log(mean.ci95[1] / mean.value)) / stds[parameter] if mean.std else np.nan
     factor = float(np.exp(quantile * std))
     return Estimate(value, value * std, (value / factor, value * factor), None)

@@ -95,8 +95,10 @@ def _at_error(model: Model, name: str, error: Array) -> Array:
     """Values, SI, at an error in units of the half interval: 1 is its upper end."""
     part, declared = model.parameters[name], model.structure.parameters[name]
     assert part.ci95 is not None
-    high = part.ci95[1]
-    if declared.scale == "log":
+    low, high = part.ci95
+    if declared.scale == "log" and low == 0.0:  # a size that may be zero as well
+        moved = np.maximum(part.value + error * (high - part.value), 0.0)
+    elif declared.scale == "log":
         reach = error * np.log(max(high / part.value, 1.0))
         moved = part.value * np.exp(np.clip(reach, -_MAX_LOG_ERROR, _MAX_LOG_ERROR))
     else:

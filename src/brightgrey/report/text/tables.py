@@ -158,7 +158,7 @@ def interval_text(ci95: tuple[float, float] | None) -> str:
 def _interval_end(end: float, half_width: float) -> str:
     """An end of an interval; a positive end does not become zero by rounding."""
     text = with_uncertainty(end, half_width)[0]
-    return significant(end, 2) if end and float(text) == 0.0 else text
+    return (significant(end, 2) if end else "0") if float(text) == 0.0 else text
 
 
 def _range_text(pair: tuple[float, float] | None) -> str:
