@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -184,7 +185,7 @@ def _to_si(
         unit = abs(value)
         factor = float(np.exp(min(half, 700.0)))  # the largest exponent whose exponential is finite
         from_zero = vanishes and half >= 1.0  # up to there the logarithm reaches no less
-        interval = (0.0, value * max(1.0 + half, np.e)) if from_zero else (value / factor, value * factor)
+        interval = (0.0, value * max(1.0 + half, math.e)) if from_zero else (value / factor, value * factor)
     else:
         unit = float(space.width[i])
         interval = (value - half * unit, value + half * unit)
