@@ -154,13 +154,7 @@ def frequency_response(linear: Linear, omega: Array, dead_time: float = 0.0) -> 
     return np.asarray(H * np.exp(-s * dead_time))
 
 
-def stability_margins(
-    linear: Linear,
-    compensator: Compensator,
-    *,
-    output: int = 0,
-    dead_time: float = 0.0,
-) -> Margins:
+def stability_margins(linear: Linear, compensator: Compensator, *, output: int = 0, dead_time: float = 0.0) -> Margins:
     """Stability margins of the loop ``L = compensator * plant`` with negative feedback of one output.
 
     An integral part whose pole the plant cancels by a zero at 0 does not count. With a speed controller and a load that
