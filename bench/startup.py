@@ -24,7 +24,7 @@ import numpy as np
 from brightgrey.excitation import PAPER_EXPERIMENT
 from support.results import Table, arguments, publish
 
-LIBRARIES = "import numpy, scipy.linalg, numba, pint"
+LIBRARIES = "import numpy, scipy.linalg, numba"
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 DEMO = str(files("brightgrey.excitation").joinpath("data/demo.csv"))
 

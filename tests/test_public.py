@@ -47,7 +47,7 @@ TYPES = {
     "Watch",
 }
 ERRORS = {"BrightgreyError", "ExportError", "RecordingError", "RunError", "SettingsError", "StructureError"}
-HEAVY = ("numpy", "scipy", "numba", "pint", "matplotlib", "plotly", "jinja2", "ruckig")
+HEAVY = ("numpy", "scipy", "numba", "matplotlib", "plotly", "jinja2", "ruckig")
 
 
 def test_all__lists_functions_types_errors_and_version():
