@@ -61,6 +61,22 @@ def test_symptoms__missing_effect__is_suspected(missing, left):
     assert registry()[missing].residual_signature in found[title].observation
 
 
+def test_symptoms__missing_friction_at_another_mass__is_suspected_there():
+    values = {"J1": 0.01, "J2": 0.01, "c1": 60.0, "d1": 0.02, "M_C": 0.4, "M_C@2": 0.6}
+    found = symptoms_of("two_mass+coulomb", measured_from("two_mass+coulomb+coulomb@2", values))
+    symptom = found["Coulomb friction at mass 2 suspected"]
+    assert "the sign of speed of mass 2" in symptom.observation
+    assert "Coulomb friction at mass 2" in symptom.advice
+
+
+@pytest.mark.parametrize("periods", [3.3, 18.3])
+def test_symptoms__torque_of_any_period_over_the_position__is_named(periods):
+    travel = np.ptp(np.cumsum(reference("one_mass+coulomb+viscous", RIGID, TORQUE, E.dt, f_tanh=E.f_tanh)) * E.dt)
+    values = RIGID | {"G": 0.2, "k": 2.0 * np.pi * periods / travel, "phi_0": 0.3}
+    found = symptoms_of("one_mass+coulomb+viscous", measured_from("one_mass+coulomb+viscous+pendulum", values))
+    assert "Torque repeats with the position" in found
+
+
 def test_symptoms__missing_stribeck_friction__is_suspected():
     values = RIGID | {"M_S": 0.6, "omega_S": 5.5}
     found = symptoms_of("one_mass+coulomb+viscous", measured_from("one_mass+coulomb+viscous+stribeck", values))

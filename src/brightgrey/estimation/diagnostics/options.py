@@ -80,6 +80,9 @@ class RegressorOptions:
     min_periods: float = 3.0  #: Periods in the recording of the slowest candidate resonance.
     max_frequency: float = 0.3  #: Frequency of the fastest candidate resonance, relative to the sampling rate.
     damping_ratio: float = 0.05  #: Damping ratio of the candidate resonances, so that they overlap.
+    wave_step: float = 0.25  #: Periods over the travel between waves over the position that are compared,
+    most_waves: float = 64.0  #: the most periods of them,
+    wave_samples: int = 10_000  #: and samples that are enough for that.
     min_share: float = 0.01  #: Part of the residual's sum of squares that a regressor has to explain.
     min_new: float = 1e-6  #: Part of a regressor that has to be independent of what is known.
     max_detected: int = 3  #: Largest number of regressors that are detected.

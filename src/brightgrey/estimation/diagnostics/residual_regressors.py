@@ -1,12 +1,13 @@
 """Candidate regressors of a residual: torques and motions that the model may lack.
 
 A residual of speed is no torque: it is the response of the drive to a missing torque. Each candidate torque is
-therefore simulated with the fitted model, as a small torque beside the input. Its response is the regressor.
+therefore simulated with the fitted model, as a small torque beside the input. Its response is the regressor. Friction
+at masses that the input does not act on is simulated as a small effect there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -15,10 +16,18 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.effects import Effect, Scales, registry
 from brightgrey.estimation.diagnostics.options import REGRESSOR_DEFAULTS, RegressorOptions
-from brightgrey.estimation.diagnostics.torque_patterns import TORQUE_PATTERNS, SimulatedMotion, TorquePattern
+from brightgrey.estimation.diagnostics.torque_patterns import (
+    FRICTION_WAVE,
+    TORQUE_PATTERNS,
+    TORQUE_WAVE,
+    MovedSegment,
+    SimulatedMotion,
+    TorquePattern,
+    clearest_wave,
+)
 from brightgrey.estimation.problem.segments import segments
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
-from brightgrey.kit import Structure
+from brightgrey.kit import Placed, Structure
 from brightgrey.numerics.digital_filter import lfilter
 from brightgrey.recordings import Recording, Signal
 from brightgrey.recordings.units.signals import KINDS
@@ -47,10 +56,11 @@ RESONANCE = "resonance"
 class ResidualRegressor:
     """Candidate regressor of a residual."""
 
-    kind: str  #: Name of an effect, or of a torque that no effect describes.
+    kind: str  #: Name of an effect with its place, or of a torque that no effect describes.
     columns: Array  #: Derivatives of the weighted residuals by its coefficients, shape (residuals, k).
     described: bool = True  #: True if an effect describes it.
     frequency: float = 0.0  #: Frequency of a resonance in Hz.
+    compared: int = 1  #: Like regressors of which this one is the best.
 
 
 def motions(problem: SimulationErrorProblem, values: Mapping[str, Array], settings: Settings) -> list[SimulatedMotion]:
@@ -107,11 +117,27 @@ def candidate_regressors(
         return []
     lags = sum(float(values[name][0]) for name, p in structure.parameters.items() if p.lag)
     size = options.torque * scales.torque
+
+    def responses(torques: Iterable[Sequence[Array]]) -> Array:
+        """Columns of torques, each given for every recording."""
+        each = [[size * torque for torque in by_recording] for by_recording in torques]
+        return np.stack([_response(problem, values, settings, residual, one, lags) for one in each], axis=1)
+
     found = []
     for kind, torques in candidate_torques(structure, scales, settings.f_tanh).items():
-        by_torque = zip(*([size * torque for torque in torques(m)] for m in moved), strict=True)
-        columns = [_response(problem, values, settings, residual, list(each), lags) for each in by_torque]
-        found.append(ResidualRegressor(kind, np.stack(columns, axis=1), kind in registry()))
+        columns = responses(zip(*(torques(m) for m in moved), strict=True))
+        found.append(ResidualRegressor(kind, columns, kind in registry()))
+    for kind in (TORQUE_WAVE, FRICTION_WAVE):
+        sides = [np.tanh(settings.f_tanh * m.speed) if kind == FRICTION_WAVE else np.ones(m.speed.size) for m in moved]
+        number, compared = clearest_wave(_moved_segments(problem, moved, sides, residual), options)
+        waves = [
+            [side * wave(number * m.position) for side, m in zip(sides, moved, strict=True)]
+            for wave in (np.sin, np.cos)
+        ]
+        found.append(ResidualRegressor(kind, responses(waves), False, compared=compared))
+    for placed in _friction_elsewhere(structure):
+        column = _response_of_effect(problem, values, settings, residual, placed, scales)
+        found.append(ResidualRegressor(str(placed), column[:, None]))
     found.append(ResidualRegressor(DRIFT, _straight_lines(problem), False))
     for frequency in _frequencies(scales, options).tolist():
         twist_and_rate = _resonance_response(problem, frequency, options.damping_ratio, lags)
@@ -119,6 +145,18 @@ def candidate_regressors(
     if not any(p.lag for p in structure.parameters.values()):
         found.append(ResidualRegressor(TIME_SHIFT, _output_rates(problem, residual)[:, None]))
     return [regressor for regressor in found if np.isfinite(regressor.columns).all() and regressor.columns.any()]
+
+
+def _moved_segments(
+    problem: SimulationErrorProblem, moved: Sequence[SimulatedMotion], sides: Sequence[Array], residual: Array
+) -> list[MovedSegment]:
+    """Residual of every segment beside its motion."""
+    by_recording = {id(r): (m, side) for r, m, side in zip(problem.recordings, moved, sides, strict=True)}
+    parts = []
+    for rows, r, output in segments(problem.recordings):
+        m, side = by_recording[id(r)]
+        parts.append(MovedSegment(residual[rows], KINDS[r.outputs[output].kind], m.position, side, r.dt))
+    return parts
 
 
 def _pattern_torques(
@@ -157,6 +195,28 @@ def _response(
         disturbed.append(replace(r, u=r.u + np.interp(r.t + lags, r.t, torque)))
     changed = replace(problem, recordings=tuple(disturbed)).residuals(dict(values), settings)[:, 0]
     return np.asarray(changed - residual)
+
+
+def _friction_elsewhere(structure: Structure) -> list[Placed]:
+    """Friction that a structure lacks at masses beyond the first; elsewhere other torques hardly differ from there."""
+    laws = [e.name for e in registry().values() if e.residual_signature and e.port_reads == "speed" and not e.requires]
+    possible = [Placed(name, place) for place in range(2, structure.masses + 1) for name in laws]
+    return [placed for placed in possible if placed not in structure.placed]
+
+
+def _response_of_effect(
+    problem: SimulationErrorProblem,
+    values: Mapping[str, Array],
+    settings: Settings,
+    residual: Array,
+    placed: Placed,
+    scales: Scales,
+) -> Array:
+    """Change of the weighted outputs by one more effect of the least size that matters."""
+    larger = replace(problem, structure=Structure((*problem.structure.placed, placed)))
+    size = placed.relevant_size(scales, {name: float(value[0]) for name, value in values.items()})
+    more = {name: np.array([value]) for name, value in size.items()}
+    return np.asarray(larger.residuals({**values, **more}, settings)[:, 0] - residual)
 
 
 def _frequencies(scales: Scales, options: RegressorOptions) -> Array:

@@ -37,6 +37,7 @@ class Candidate:
     columns: Array  #: Shape (residuals, k).
     kind: str  #: Of several candidates of one kind, only the one with the largest margin is detected.
     later: bool = False  #: True if it is tested only when the residual follows no other any more.
+    compared: int = 1  #: Like candidates of which this one explains most: chance has as many tries.
 
 
 def detect_regressors(
@@ -107,10 +108,10 @@ class _ScoreTest:
         shares = {k: self.share(c.columns) for k, c in candidates.items()}
         material = [k for k in shares if shares[k] >= self.options.min_share]
         examined = sorted(material, key=lambda k: -shares[k])[: self.options.max_examined]
-        margins = {k: self.margin(candidates[k].columns, corrected=False)[0] for k in examined}
+        margins = {k: self.margin(candidates[k], corrected=False)[0] for k in examined}
         significant = [k for k in examined if margins[k] > 1.0]
         for k in sorted(significant, key=lambda k: (candidates[k].later, -margins[k])):
-            margin, coefficients = self.margin(candidates[k].columns, corrected=True)
+            margin, coefficients = self.margin(candidates[k], corrected=True)
             if margin > 1.0:
                 return Detected(k, coefficients, shares[k], margin)
         return None
@@ -128,8 +129,9 @@ class _ScoreTest:
         new = self.new_basis(columns)
         return float(np.square(new.T @ self.residual).sum() / positive(float(self.residual @ self.residual)))
 
-    def margin(self, columns: Array, *, corrected: bool) -> tuple[float, Array]:
+    def margin(self, candidate: Candidate, *, corrected: bool) -> tuple[float, Array]:
         """Log-likelihood ratio over its critical value, and coefficients; `corrected` noise is freed from the fit."""
+        columns, level = candidate.columns, self.level / candidate.compared
         new = self.new_basis(columns)
         noise = self.residual - new @ (new.T @ self.residual)
         if corrected:
@@ -142,11 +144,11 @@ class _ScoreTest:
         e, X = (part - K @ (K.T @ part) for part in (white[:, 0], white[:, 1 : 1 + count]))
         coefficients, *_ = np.linalg.lstsq(X, e, rcond=BASIS_RANK_TOLERANCE)
         statistic = len(X) * log_ratio(float(e @ e), float(np.square(e - X @ coefficients).sum()))
-        if statistic <= chi2.isf(self.level, count):
+        if statistic <= chi2.isf(level, count):
             return 0.0, coefficients / size
         degrees = noise_degrees(X, models, self.lengths)
         inflation = min(1.0 + self.options.inflation / degrees, self.options.max_inflation)
-        return statistic / (inflation * count * float(fisher.isf(self.level, count, degrees))), coefficients / size
+        return statistic / (inflation * count * float(fisher.isf(level, count, degrees))), coefficients / size
 
 
 def noise_degrees(regressors: Array, models: Sequence[Autoregression], lengths: Sequence[int]) -> float:

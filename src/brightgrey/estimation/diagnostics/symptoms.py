@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from brightgrey.arrays import Array, positive
-from brightgrey.effects import DAMPING, Effect, Scales, registry
+from brightgrey.effects import DAMPING, Scales, registry
 from brightgrey.estimation.diagnostics.options import (
     DIAGNOSTIC_DEFAULTS,
     PEAK_DEFAULTS,
@@ -277,14 +277,13 @@ def _detected(
     """Regressors that the residual follows."""
     problem, best = context.problem, context.best
     regressors = candidate_regressors(problem, values, context.settings, scales, best.residual)
-    candidates = [Candidate(s.columns, s.kind, later=not s.described) for s in regressors]
+    candidates = [Candidate(s.columns, s.kind, later=not s.described, compared=s.compared) for s in regressors]
     hits = detect_regressors(best.residual, best.jacobian, problem.segment_lengths, candidates, options.symptom_level)
     found = []
     for hit in hits:
         kind = regressors[hit.number].kind
-        effect = registry().get(kind)
-        if effect is not None:
-            found.append(_missing_effect(effect, hit))
+        if kind.partition("@")[0] in registry():
+            found.append(_missing_effect(Placed.parse(kind), hit))
         elif kind == RESONANCE:
             found.append(_resonance(hit, regressors[hit.number].frequency, problem.structure))
         elif kind == TIME_SHIFT:
@@ -299,11 +298,12 @@ def _explains(hit: Detected) -> str:
     return f"explains {100.0 * share:.2g} % of the residual"
 
 
-def _missing_effect(effect: Effect, hit: Detected) -> Symptom:
+def _missing_effect(placed: Placed, hit: Detected) -> Symptom:
+    at = "" if placed.place == 1 else f" of {placed.effect.where} {placed.place}"
     return Symptom(
-        f"{effect.title} suspected",
-        f"the residual follows {effect.residual_signature}, which {_explains(hit)}",
-        f"try {effect_in_words(Placed(effect.name))} as well, or search for the structure",
+        f"{placed.title} suspected",
+        f"the residual follows {placed.effect.residual_signature}{at}, which {_explains(hit)}",
+        f"try {effect_in_words(placed)} as well, or search for the structure",
     )
 
 

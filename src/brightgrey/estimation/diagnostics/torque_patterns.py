@@ -5,15 +5,26 @@ A new symptom of this kind is one more entry of `TORQUE_PATTERNS`; CONTRIBUTING.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import Scales
+from brightgrey.estimation.diagnostics.options import REGRESSOR_DEFAULTS, RegressorOptions
+from brightgrey.estimation.noise.orthonormal_basis import orthonormal_basis
 
-__all__ = ["TORQUE_PATTERNS", "SimulatedMotion", "TorquePattern"]
+__all__ = [
+    "FRICTION_WAVE",
+    "TORQUE_PATTERNS",
+    "TORQUE_WAVE",
+    "MovedSegment",
+    "SimulatedMotion",
+    "TorquePattern",
+    "clearest_wave",
+]
 
 
 @dataclass(frozen=True)
@@ -29,7 +40,65 @@ class SimulatedMotion:
         return np.asarray((self.position - middle) / max(0.5 * float(np.ptp(self.position)), np.finfo(float).tiny))
 
 
-_HARMONICS = 4  # periods over the travel of the fastest wave
+class MovedSegment(NamedTuple):
+    """One output of one recording beside the motion, each of shape (samples,)."""
+
+    residual: Array
+    order: int  #: Time derivatives of the position in the output.
+    position: Array
+    side: Array  #: Torque of amplitude 1 whose waves are looked for: 1, or the sign of the speed for friction.
+    interval: float  #: Sampling interval in s.
+
+
+def clearest_wave(
+    segments: Sequence[MovedSegment], options: RegressorOptions = REGRESSOR_DEFAULTS
+) -> tuple[float, int]:
+    """Find the wave over the position whose torque explains most of the residuals of a rigid drive.
+
+    It is a periodogram over the position (Lomb 1976, doi:10.1007/BF00648343) of what the torque does to the outputs.
+
+    Returns
+    -------
+    number : float
+        Wave number in 1/rad; 0 if nothing moves.
+    count : int
+        Wave numbers that were compared.
+    """
+    thinned = [_every_nth(segment, options.wave_samples) for segment in segments]
+    travel = max(float(np.ptp(s.position)) for s in thinned)
+    steepest = max(float(np.abs(np.diff(s.position)).max(initial=0.0)) for s in thinned)
+    if not steepest > 0.0:
+        return 0.0, 0
+    step = 2.0 * np.pi * options.wave_step / travel
+    count = max(int(min(options.most_waves / options.wave_step, 0.5 * np.pi / (steepest * step))), 1)
+    gains = np.zeros(count)
+    turns = [np.exp(1j * step * s.position) for s in thinned]
+    waves = [s.side.astype(complex) for s in thinned]
+    # What initial states and a constant torque do to an output is free.
+    free = [np.vander(np.linspace(-1.0, 1.0, s.residual.size), 2 + (s.order == 0)) for s in thinned]
+    bases = [orthonormal_basis(columns) for columns in free]
+    for k in range(count):
+        products, along = np.zeros((2, 2)), np.zeros(2)
+        for i, (s, turn, basis) in enumerate(zip(thinned, turns, bases, strict=True)):
+            response = waves[i] = waves[i] * turn
+            for _ in range(2 - s.order):
+                response = np.cumsum(response) * s.interval
+            columns = np.column_stack([response.real, response.imag])
+            columns -= basis @ (basis.T @ columns)
+            products += columns.T @ columns
+            along += columns.T @ s.residual
+        gains[k] = along @ np.linalg.lstsq(products, along, rcond=None)[0]
+    return step * (1 + int(np.argmax(gains))), count
+
+
+def _every_nth(segment: MovedSegment, samples: int) -> MovedSegment:
+    """Every n-th sample of a segment, so that about so many are left."""
+    n = max(segment.residual.size // samples, 1)
+    residual, position, side = segment.residual[::n], segment.position[::n], segment.side[::n]
+    return MovedSegment(residual, segment.order, position, side, n * segment.interval)
+
+
+_HARMONICS = 4  # periods over the travel of the fastest wave of a course over the position
 _SLIPS = (1e-3, 1e-2)  # distances over which friction builds up, as parts of the travel
 
 
@@ -125,3 +194,6 @@ TORQUE_PATTERNS = (
     ),
 )
 """All patterns that are tried, in the order in which symptoms are named."""
+
+TORQUE_WAVE, FRICTION_WAVE = "torque ripple with position", "friction ripple with position"
+"""Names of the patterns that a wave of any length over the position belongs to."""
