@@ -200,6 +200,7 @@ class CertificatePart(Part):
     undecided: tuple[str, ...]
     unexplained: tuple[str, ...]
     offered: tuple[str, ...] = ()
+    poor_fit: float | None = None
     held_back: Mapping[str, str] = {}
 
 

@@ -131,11 +131,12 @@ class BorderSearch(OfferingSearch):
             if top.has_hard_limit and top not in self.fits.done:
                 first = not any(s.has_hard_limit for s in self.fits.done)
                 self.tops.add(top)
-                linear = self.lattice.within(self.linear_beside_masses | self.hard_limits | masses)
-                for structure in (self.lattice.structure(linear), top) if first else (top,):
+                mask = self.lattice.within(self.linear_beside_masses | self.hard_limits | masses)
+                linear = self.lattice.structure(mask)
+                for structure in dict.fromkeys((linear, top)) if first else (top,):
                     self.fit([structure])
                     if first and not self.is_explained():
-                        self.restart_at(structure, patiently=structure != top)
+                        self.restart_at(structure, patiently=structure == linear)
 
     def restart_at(self, structure: Structure, *, patiently: bool = False) -> None:
         """Fit a structure by multistart, and its neighbours anew where that helps."""

@@ -38,6 +38,8 @@ class Certificate:
     unexplained: tuple[str, ...]  #: Signs in the residual of the best structure that none of the structures explains.
     #: Effects that the function set holds back, and that were offered since its first ones left a notable residual.
     offered: tuple[str, ...] = ()
+    #: Part of the motion in percent that the best fit leaves; None unless that is poor, and not white.
+    poor_fit: float | None = None
     #: Verdicts on effects that were not offered, at first order beside the minimal structures.
     held_back: Mapping[str, Verdict] = field(default_factory=dict)
 
@@ -57,6 +59,11 @@ class Certificate:
         if self.unexplained:
             signs = " ".join(f"{sign[:1].upper()}{sign[1:]}." for sign in self.unexplained)
             out.append(f"This recording holds something that none of the structures offered explains. {signs}")
+        if self.poor_fit is not None:
+            out.append(
+                f"The best structure leaves {min(self.poor_fit, 100.0):.0f} % of the motion, and that is not white."
+                " Either the sensor has coloured noise of that size, or no structure explains the motion."
+            )
         out += [_refutation(refuted, self._is_rivalled(refuted)) for refuted in self.refuted]
         if self.undecided:
             left = (structure_in_words(Structure.parse(name)) for name in self.undecided)

@@ -224,7 +224,7 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
         status,
         replace(
             certificate,
-            unexplained=certificate.unexplained or _poor_fit(search),
+            poor_fit=100.0 - search.fits.fit_percent(search.fits.best()) if search.fits_poorly() else None,
             fitted=len(search.fits.done),
             minimal=(*certificate.minimal, *map(str, instead)),
             held_back={c.effect: c.verdict for c in held_back},
@@ -324,16 +324,6 @@ def _certificate(search: BorderSearch, border: Border, grammar: Grammar, found: 
         signs_of_model_error(search.task, best, search.refined.optimum(best), search.refined.whitening.floor_cost),
         tuple(map(str, search.offered)),
     )
-
-
-def _poor_fit(search: BorderSearch) -> tuple[str, ...]:
-    """Say how much of the motion the best fit leaves, if that is more than sensors add and no noise that is white.
-
-    It is no sign of a pattern, so that verdicts do not depend on it.
-    """
-    left = 100.0 - search.fits.fit_percent(search.fits.best())
-    sentence = f"the best structure leaves {left:.2g} % of the motion, which is more than the noise of a sensor does"
-    return (sentence,) if search.fits_poorly() else ()
 
 
 def _refuted(

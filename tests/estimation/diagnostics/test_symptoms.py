@@ -69,6 +69,13 @@ def test_symptoms__missing_friction_at_another_mass__is_suspected_there():
     assert "Coulomb friction at mass 2" in symptom.advice
 
 
+def test_symptoms__effect_without_a_size_that_matters__is_tried_as_declared(monkeypatch):
+    monkeypatch.setattr(Placed, "relevant_size", lambda self, scales, values: {})
+    values = {"J1": 0.01, "J2": 0.01, "c1": 60.0, "d1": 0.02, "M_C": 0.4, "M_C@2": 0.6}
+    measured = measured_from("two_mass+coulomb+coulomb@2", values)
+    assert symptoms_of("two_mass+coulomb", measured)
+
+
 @pytest.mark.parametrize("periods", [3.3, 18.3])
 def test_symptoms__torque_of_any_period_over_the_position__is_named(periods):
     travel = np.ptp(np.cumsum(reference("one_mass+coulomb+viscous", RIGID, TORQUE, E.dt, f_tanh=E.f_tanh)) * E.dt)

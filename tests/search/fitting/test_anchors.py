@@ -48,3 +48,25 @@ def test_leading__gap_leads__fewer_masses_before_and_one_more_after(leaders, mas
         search.tops = {PAPER.parse(f"{n}_mass+coulomb+viscous+backlash") for n in ("two", "three", "four")}
         monkeypatch.setattr(search, "leaders", lambda: [PAPER.parse(text) for text in leaders])
         assert [s.masses for s in search.leading()] == masses
+
+
+@pytest.mark.parametrize(
+    ("atoms", "restarted"),
+    [
+        (
+            ("coulomb", "viscous", "backlash", "delay"),
+            [("two_mass+viscous+backlash+delay", True), ("two_mass+coulomb+viscous+backlash+delay", False)],
+        ),
+        (("viscous", "backlash"), [("two_mass+viscous+backlash", True)]),
+    ],
+)
+def test_fit_hard_limits__least_gap__beside_linear_effects_first_and_once_each(atoms, restarted, monkeypatch):
+    lattice = Lattice.of(PAPER, exclude=[e for e in PAPER.places if e not in {"one_mass", "two_mass", *atoms}])
+    task = simulated_task("one_mass", {"J1": 0.02}, np.sin(np.arange(200) / 20.0), 0.1, dt=0.002, f_tanh=5.0)
+    with ThreadPoolExecutor(1) as pool:
+        search, found = BorderSearch(task, lattice, pool), []
+        monkeypatch.setattr(search, "fit", lambda structures: search.fits.done.update(dict.fromkeys(structures)))
+        monkeypatch.setattr(search, "is_explained", lambda: False)
+        monkeypatch.setattr(search, "restart_at", lambda s, patiently=False: found.append((str(s), patiently)))
+        search.fit_hard_limits()
+    assert found == restarted

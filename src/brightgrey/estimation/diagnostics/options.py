@@ -82,7 +82,7 @@ class RegressorOptions:
     damping_ratio: float = 0.05  #: Damping ratio of the candidate resonances, so that they overlap.
     wave_step: float = 0.25  #: Periods over the travel between waves over the position that are compared,
     most_waves: float = 64.0  #: the most periods of them,
-    wave_samples: int = 10_000  #: and samples that are enough for that.
+    wave_samples: int = 50_000  #: and samples of an output that are used for that.
     min_share: float = 0.01  #: Part of the residual's sum of squares that a regressor has to explain.
     min_new: float = 1e-6  #: Part of a regressor that has to be independent of what is known.
     max_detected: int = 3  #: Largest number of regressors that are detected.

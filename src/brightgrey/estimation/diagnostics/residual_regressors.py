@@ -131,7 +131,11 @@ def candidate_regressors(
         sides = [np.tanh(settings.f_tanh * m.speed) if kind == FRICTION_WAVE else np.ones(m.speed.size) for m in moved]
         number, compared = clearest_wave(_moved_segments(problem, moved, sides, residual), options)
         waves = [
-            [side * wave(number * m.position) for side, m in zip(sides, moved, strict=True)]
+            [
+                side * wave(number * m.position) * (k == own)
+                for k, (side, m) in enumerate(zip(sides, moved, strict=True))
+            ]
+            for own in range(len(moved))  # with a phase of its own
             for wave in (np.sin, np.cos)
         ]
         found.append(ResidualRegressor(kind, responses(waves), False, compared=compared))
@@ -149,14 +153,16 @@ def candidate_regressors(
 
 def _moved_segments(
     problem: SimulationErrorProblem, moved: Sequence[SimulatedMotion], sides: Sequence[Array], residual: Array
-) -> list[MovedSegment]:
-    """Residual of every segment beside its motion."""
-    by_recording = {id(r): (m, side) for r, m, side in zip(problem.recordings, moved, sides, strict=True)}
-    parts = []
-    for rows, r, output in segments(problem.recordings):
-        m, side = by_recording[id(r)]
-        parts.append(MovedSegment(residual[rows], KINDS[r.outputs[output].kind], m.position, side, r.dt))
-    return parts
+) -> list[list[MovedSegment]]:
+    """Residual of every output beside its motion, by recording."""
+    found: list[list[MovedSegment]] = [[] for _ in moved]
+    numbers = [k for k, r in enumerate(problem.recordings) for _ in r.outputs]
+    for k, (rows, r, output) in zip(numbers, segments(problem.recordings), strict=True):
+        kind, m = r.outputs[output].kind, moved[k]
+        left = residual[rows] * (np.sign(m.speed) if kind == "speed" else 1.0)  # as if it had its sign
+        part = MovedSegment(left, float(problem.weights[output]), KINDS[kind], m.position, sides[k], r.dt)
+        found[k].append(part)
+    return found
 
 
 def _pattern_torques(
@@ -201,7 +207,8 @@ def _friction_elsewhere(structure: Structure) -> list[Placed]:
     """Friction that a structure lacks at masses beyond the first; elsewhere other torques hardly differ from there."""
     laws = [e.name for e in registry().values() if e.residual_signature and e.port_reads == "speed" and not e.requires]
     possible = [Placed(name, place) for place in range(2, structure.masses + 1) for name in laws]
-    return [placed for placed in possible if placed not in structure.placed]
+    lacking = [placed for placed in possible if placed not in structure.placed]
+    return [placed for placed in lacking if not any(placed.excludes(other) for other in structure.placed)]
 
 
 def _response_of_effect(
@@ -212,10 +219,11 @@ def _response_of_effect(
     placed: Placed,
     scales: Scales,
 ) -> Array:
-    """Change of the weighted outputs by one more effect of the least size that matters."""
+    """Change of the weighted outputs by one more effect of the least size that matters, or else as declared."""
     larger = replace(problem, structure=Structure((*problem.structure.placed, placed)))
+    declared = {placed.parameter(q.symbol): float(q.start(scales)) for q in placed.effect.parameters}
     size = placed.relevant_size(scales, {name: float(value[0]) for name, value in values.items()})
-    more = {name: np.array([value]) for name, value in size.items()}
+    more = {name: np.array([value]) for name, value in {**declared, **size}.items()}
     return np.asarray(larger.residuals({**values, **more}, settings)[:, 0] - residual)
 
 

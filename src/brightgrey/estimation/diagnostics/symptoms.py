@@ -300,11 +300,16 @@ def _explains(hit: Detected) -> str:
 
 def _missing_effect(placed: Placed, hit: Detected) -> Symptom:
     at = "" if placed.place == 1 else f" of {placed.effect.where} {placed.place}"
-    return Symptom(
-        f"{placed.title} suspected",
-        f"the residual follows {placed.effect.residual_signature}{at}, which {_explains(hit)}",
-        f"try {effect_in_words(placed)} as well, or search for the structure",
-    )
+    observation = f"the residual follows {placed.effect.residual_signature}{at}, which {_explains(hit)}"
+    if placed.place > 1 and hit.coefficients[0] > 0.0:  # more of it would leave more
+        return Symptom(
+            "Friction is elsewhere",
+            observation,
+            "the drive has less friction than the model where that mass moves: of another kind, or at another mass."
+            " Search for the structure with the function set drive",
+        )
+    instead = "search for the structure" + (" with the function set drive" if placed.place > 1 else "")
+    return Symptom(f"{placed.title} suspected", observation, f"try {effect_in_words(placed)} as well, or {instead}")
 
 
 def _resonance(hit: Detected, frequency: float, structure: Structure) -> Symptom:

@@ -43,7 +43,8 @@ class SimulatedMotion:
 class MovedSegment(NamedTuple):
     """One output of one recording beside the motion, each of shape (samples,)."""
 
-    residual: Array
+    residual: Array  #: Weighted.
+    weight: float  #: Of the output.
     order: int  #: Time derivatives of the position in the output.
     position: Array
     side: Array  #: Torque of amplitude 1 whose waves are looked for: 1, or the sign of the speed for friction.
@@ -51,11 +52,18 @@ class MovedSegment(NamedTuple):
 
 
 def clearest_wave(
-    segments: Sequence[MovedSegment], options: RegressorOptions = REGRESSOR_DEFAULTS
+    recordings: Sequence[Sequence[MovedSegment]], options: RegressorOptions = REGRESSOR_DEFAULTS
 ) -> tuple[float, int]:
     """Find the wave over the position whose torque explains most of the residuals of a rigid drive.
 
     It is a periodogram over the position (Lomb 1976, doi:10.1007/BF00648343) of what the torque does to the outputs.
+    Each recording has a phase of its own, because a position often counts from where the recording begins.
+
+    Parameters
+    ----------
+    recordings : sequence of sequence of MovedSegment
+        Segments of each recording.
+    options : RegressorOptions
 
     Returns
     -------
@@ -64,38 +72,46 @@ def clearest_wave(
     count : int
         Wave numbers that were compared.
     """
-    thinned = [_every_nth(segment, options.wave_samples) for segment in segments]
-    travel = max(float(np.ptp(s.position)) for s in thinned)
-    steepest = max(float(np.abs(np.diff(s.position)).max(initial=0.0)) for s in thinned)
-    if not steepest > 0.0:
-        return 0.0, 0
+    thinned = [[_every_nth(s, options.wave_samples) for s in segments] for segments in recordings]
+    travel = max(float(np.ptp(s.position)) for segments in thinned for s in segments)
+    if not travel > np.finfo(float).tiny * 1e3:
+        return 0.0, 1
     step = 2.0 * np.pi * options.wave_step / travel
-    count = max(int(min(options.most_waves / options.wave_step, 0.5 * np.pi / (steepest * step))), 1)
-    gains = np.zeros(count)
-    turns = [np.exp(1j * step * s.position) for s in thinned]
-    waves = [s.side.astype(complex) for s in thinned]
+    gains = np.zeros(int(options.most_waves / options.wave_step))
+    for segments in thinned:
+        own = _gains(segments, step, gains.size)
+        gains[: own.size] += own
+    return step * (1 + int(np.argmax(gains))), gains.size
+
+
+def _gains(segments: Sequence[MovedSegment], step: float, most: int) -> Array:
+    """Decrease of the sum of squares of a recording by each wave number that its samples resolve."""
+    steepest = max(float(np.abs(np.diff(s.position)).max(initial=0.0)) for s in segments)
+    gains = np.zeros(min(most, int(0.5 * np.pi / (steepest * step))) if steepest > 0.0 else 0)
+    turns = [np.exp(1j * step * s.position) for s in segments]
+    waves = [s.side.astype(complex) for s in segments]
     # What initial states and a constant torque do to an output is free.
-    free = [np.vander(np.linspace(-1.0, 1.0, s.residual.size), 2 + (s.order == 0)) for s in thinned]
+    free = [np.vander(np.linspace(-1.0, 1.0, s.residual.size), 2 + (s.order == 0)) for s in segments]
     bases = [orthonormal_basis(columns) for columns in free]
-    for k in range(count):
+    for k in range(gains.size):
         products, along = np.zeros((2, 2)), np.zeros(2)
-        for i, (s, turn, basis) in enumerate(zip(thinned, turns, bases, strict=True)):
+        for i, (s, turn, basis) in enumerate(zip(segments, turns, bases, strict=True)):
             response = waves[i] = waves[i] * turn
             for _ in range(2 - s.order):
                 response = np.cumsum(response) * s.interval
-            columns = np.column_stack([response.real, response.imag])
+            columns = s.weight * np.column_stack([response.real, response.imag])
             columns -= basis @ (basis.T @ columns)
             products += columns.T @ columns
             along += columns.T @ s.residual
         gains[k] = along @ np.linalg.lstsq(products, along, rcond=None)[0]
-    return step * (1 + int(np.argmax(gains))), count
+    return gains
 
 
 def _every_nth(segment: MovedSegment, samples: int) -> MovedSegment:
-    """Every n-th sample of a segment, so that about so many are left."""
-    n = max(segment.residual.size // samples, 1)
-    residual, position, side = segment.residual[::n], segment.position[::n], segment.side[::n]
-    return MovedSegment(residual, segment.order, position, side, n * segment.interval)
+    """Every n-th sample of a segment, so that at most so many are left."""
+    n = -(-segment.residual.size // samples)
+    thin = {name: getattr(segment, name)[::n] for name in ("residual", "position", "side")}
+    return segment._replace(**thin, interval=n * segment.interval)
 
 
 _HARMONICS = 4  # periods over the travel of the fastest wave of a course over the position
