@@ -79,12 +79,12 @@ def clearest_wave(
     step = 2.0 * np.pi * options.wave_step / travel
     gains = np.zeros(int(options.most_waves / options.wave_step))
     for segments in thinned:
-        own = _gains(segments, step, gains.size)
+        own = _gains_by_wave(segments, step, gains.size)
         gains[: own.size] += own
     return step * (1 + int(np.argmax(gains))), gains.size
 
 
-def _gains(segments: Sequence[MovedSegment], step: float, most: int) -> Array:
+def _gains_by_wave(segments: Sequence[MovedSegment], step: float, most: int) -> Array:
     """Decrease of the sum of squares of a recording by each wave number that its samples resolve."""
     steepest = max(float(np.abs(np.diff(s.position)).max(initial=0.0)) for s in segments)
     gains = np.zeros(min(most, int(0.5 * np.pi / (steepest * step))) if steepest > 0.0 else 0)
