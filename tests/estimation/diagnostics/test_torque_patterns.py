@@ -41,7 +41,7 @@ def test_clearest_wave__recordings_at_other_places__have_phases_of_their_own():
 
 def test_clearest_wave__long_recording_beside_a_fast_one__is_found():
     rng = np.random.default_rng(4)
-    fast = segment(rng, samples=200, dt=0.05)
+    fast = segment(rng, samples=200, dt=0.05, weight=0.02)
     assert clearest_wave([[fast], [segment(rng, samples=120_000)]])[0] == pytest.approx(NUMBER, rel=0.03)
 
 

@@ -130,6 +130,8 @@ def candidate_regressors(
     for kind in (TORQUE_WAVE, FRICTION_WAVE):
         sides = [np.tanh(settings.f_tanh * m.speed) if kind == FRICTION_WAVE else np.ones(m.speed.size) for m in moved]
         number, compared = clearest_wave(_moved_segments(problem, moved, sides, residual), options)
+        if not number:
+            continue
         waves = [
             [
                 side * wave(number * m.position) * (k == own)

@@ -68,7 +68,7 @@ def clearest_wave(
     Returns
     -------
     number : float
-        Wave number in 1/rad; 0 if nothing moves.
+        Wave number in 1/rad; 0 if nothing moves, or if no wave explains as much as matters (`min_share`).
     count : int
         Wave numbers that were compared.
     """
@@ -81,30 +81,34 @@ def clearest_wave(
     for segments in thinned:
         own = _gains_by_wave(segments, step, gains.size)
         gains[: own.size] += own
-    return step * (1 + int(np.argmax(gains))), gains.size
+    least = options.min_share * sum(float(s.residual @ s.residual) for segments in thinned for s in segments)
+    return step * (1 + int(np.argmax(gains))) if gains.max() > least else 0.0, gains.size
 
 
 def _gains_by_wave(segments: Sequence[MovedSegment], step: float, most: int) -> Array:
     """Decrease of the sum of squares of a recording by each wave number that its samples resolve."""
     steepest = max(float(np.abs(np.diff(s.position)).max(initial=0.0)) for s in segments)
-    gains = np.zeros(min(most, int(0.5 * np.pi / (steepest * step))) if steepest > 0.0 else 0)
-    turns = [np.exp(1j * step * s.position) for s in segments]
-    waves = [s.side.astype(complex) for s in segments]
-    # What initial states and a constant torque do to an output is free.
-    free = [np.vander(np.linspace(-1.0, 1.0, s.residual.size), 2 + (s.order == 0)) for s in segments]
-    bases = [orthonormal_basis(columns) for columns in free]
-    for k in range(gains.size):
-        products, along = np.zeros((2, 2)), np.zeros(2)
-        for i, (s, turn, basis) in enumerate(zip(segments, turns, bases, strict=True)):
-            response = waves[i] = waves[i] * turn
+    count = min(most, int(0.5 * np.pi / (steepest * step))) if steepest > 0.0 else 0
+    power, squares, along = np.zeros(count), np.zeros(count, complex), np.zeros(count, complex)
+    for s in segments:
+        # What initial states and a constant torque do to an output is free.
+        basis = orthonormal_basis(np.vander(np.linspace(-1.0, 1.0, s.residual.size), 2 + (s.order == 0)))
+        left = (s.residual - basis @ (basis.T @ s.residual)).astype(complex)
+        turn, wave, basis = np.exp(1j * step * s.position), s.side.astype(complex), basis.astype(complex)
+        for k in range(count):
+            wave = wave * turn
+            response = s.weight * wave
             for _ in range(2 - s.order):
                 response = np.cumsum(response) * s.interval
-            columns = s.weight * np.column_stack([response.real, response.imag])
-            columns -= basis @ (basis.T @ columns)
-            products += columns.T @ columns
-            along += columns.T @ s.residual
-        gains[k] = along @ np.linalg.lstsq(products, along, rcond=None)[0]
-    return gains
+            known = response @ basis
+            power[k] += np.vdot(response, response).real - np.vdot(known, known).real
+            squares[k] += response @ response - known @ known
+            along[k] += response @ left
+    cosine, sine = 0.5 * (power + squares.real), 0.5 * (power - squares.real)
+    both = 0.5 * squares.imag
+    clear = np.maximum(cosine * sine - both**2, 1e-9 * power**2 + np.finfo(float).tiny)  # slow waves are nearly free
+    gains = sine * along.real**2 + cosine * along.imag**2 - 2.0 * both * along.real * along.imag
+    return np.asarray(gains / clear)
 
 
 def _every_nth(segment: MovedSegment, samples: int) -> MovedSegment:
