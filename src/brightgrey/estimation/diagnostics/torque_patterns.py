@@ -91,10 +91,8 @@ def _gains_by_wave(segments: Sequence[MovedSegment], step: float, most: int) -> 
     count = min(most, int(0.5 * np.pi / (steepest * step))) if steepest > 0.0 else 0
     power, squares, along = np.zeros(count), np.zeros(count, complex), np.zeros(count, complex)
     for s in segments:
-        # What initial states and a constant torque do to an output is free.
-        basis = orthonormal_basis(np.vander(np.linspace(-1.0, 1.0, s.residual.size), 2 + (s.order == 0)))
-        left = (s.residual - basis @ (basis.T @ s.residual)).astype(complex)
-        turn, wave, basis = np.exp(1j * step * s.position), s.side.astype(complex), basis.astype(complex)
+        turn, wave = np.exp(1j * step * s.position), s.side.astype(complex)
+        left, basis = s.residual.astype(complex), _free_motions(s).astype(complex)
         for k in range(count):
             wave = wave * turn
             response = s.weight * wave
@@ -112,10 +110,17 @@ def _gains_by_wave(segments: Sequence[MovedSegment], step: float, most: int) -> 
 
 
 def _every_nth(segment: MovedSegment, samples: int) -> MovedSegment:
-    """Every n-th sample of a segment, so that at most so many are left."""
+    """Every n-th sample of a segment, so that at most so many are left, its residual without free motions."""
     n = -(-segment.residual.size // samples)
     thin = {name: getattr(segment, name)[::n] for name in ("residual", "position", "side")}
-    return segment._replace(**thin, interval=n * segment.interval)
+    thinned = segment._replace(**thin, interval=n * segment.interval)
+    basis = _free_motions(thinned)
+    return thinned._replace(residual=thinned.residual - basis @ (basis.T @ thinned.residual))
+
+
+def _free_motions(segment: MovedSegment) -> Array:
+    """Orthonormal basis of what initial states and a constant torque do to an output."""
+    return orthonormal_basis(np.vander(np.linspace(-1.0, 1.0, segment.residual.size), 2 + (segment.order == 0)))
 
 
 _HARMONICS = 4  # periods over the travel of the fastest wave of a course over the position
