@@ -133,7 +133,7 @@ class BorderSearch(OfferingSearch):
                 self.tops.add(top)
                 mask = self.lattice.within(self.linear_beside_masses | self.hard_limits | masses)
                 linear = self.lattice.structure(mask)
-                for structure in dict.fromkeys((linear, top)) if first else (top,):
+                for structure in dict.fromkeys((linear, top)) if first and not self.is_explained() else (top,):
                     self.fit([structure])
                     if first and not self.is_explained():
                         self.restart_at(structure, patiently=structure == linear)
