@@ -69,11 +69,19 @@ def test_symptoms__missing_friction_at_another_mass__is_suspected_there():
     assert "Coulomb friction at mass 2" in symptom.advice
 
 
-def test_symptoms__effect_without_a_size_that_matters__is_tried_as_declared(monkeypatch):
+def test_symptoms__friction_that_the_model_has_too_much_of__is_not_called_missing_at_another_mass():
+    measured = measured_from("two_mass+coulomb", {"J1": 0.01, "J2": 0.01, "c1": 60.0, "d1": 0.02, "M_C": 0.4})
+    found = fit(PAPER.parse("two_mass+coulomb"), [measured], f_tanh=E.f_tanh, fixed={"M_C": 0.9}, starts=3, patience=0)
+    titles = [s.title for s in found.symptoms]
+    assert "Friction is elsewhere" in titles
+    assert "Coulomb friction at mass 2 suspected" not in titles
+
+
+def test_symptoms__effect_without_a_size_that_matters__does_not_end_the_fit(monkeypatch):
+    """It is tried with its start values: a size that matters is no duty of an effect."""
     monkeypatch.setattr(Placed, "relevant_size", lambda self, scales, values: {})
     values = {"J1": 0.01, "J2": 0.01, "c1": 60.0, "d1": 0.02, "M_C": 0.4, "M_C@2": 0.6}
-    measured = measured_from("two_mass+coulomb+coulomb@2", values)
-    assert symptoms_of("two_mass+coulomb", measured)
+    assert symptoms_of("two_mass+coulomb", measured_from("two_mass+coulomb+coulomb@2", values))
 
 
 @pytest.mark.parametrize("periods", [3.3, 18.3])

@@ -74,9 +74,9 @@ def clearest_wave(
     """
     thinned = [[_every_nth(s, options.wave_samples) for s in segments] for segments in recordings]
     travel = max(float(np.ptp(s.position)) for segments in thinned for s in segments)
-    if not travel > np.finfo(float).tiny * 1e3:
+    step = 2.0 * np.pi * options.wave_step / travel if travel > 0.0 else np.inf
+    if not np.isfinite(step):
         return 0.0, 1
-    step = 2.0 * np.pi * options.wave_step / travel
     gains = np.zeros(int(options.most_waves / options.wave_step))
     for segments in thinned:
         own = _gains_by_wave(segments, step, gains.size)
