@@ -118,6 +118,7 @@ def examine(
         "how": how,
         "grammar": grammar.name,
         "offered": list(found.evidence.certificate.offered),
+        "unexplained": list(found.evidence.certificate.unexplained),
         "held_back": dict(found.evidence.certificate.held_back),
     }
 

@@ -35,7 +35,8 @@ class Certificate:
     minimal: tuple[str, ...]
     refuted: tuple[RefutedStructure, ...]  #: The one with the least excess first.
     undecided: tuple[str, ...]  #: Largest structures that are left undecided, or whose status has changed.
-    unexplained: tuple[str, ...]  #: Signs in the residual of the best structure that none of the structures explains.
+    #: Signs in the residual of the best structure, or else of the simplest one, that none of the structures explains.
+    unexplained: tuple[str, ...]
     #: Effects that the function set holds back, and that were offered since its first ones left a notable residual.
     offered: tuple[str, ...] = ()
     #: Part of the motion in percent that the best fit leaves; None unless that is poor, and not white.

@@ -310,7 +310,6 @@ def _certificate(search: BorderSearch, border: Border, grammar: Grammar, found: 
     refined = search.refined.all(search.round.largest_threshold)
     costs = {lattice.mask(s): r.cost for s, r in refined.items()}
     least = min(costs.values())
-    best = lattice.structure(border.best)
     undecided = [*border.undecided, *(m for m in border.minimal if m in search.flipped)]
     return Certificate(
         grammar.name,
@@ -321,9 +320,22 @@ def _certificate(search: BorderSearch, border: Border, grammar: Grammar, found: 
             _refuted(search, border, r, costs, least) for r in sorted(border.refuted, key=lambda r: (r.excess, r.mask))
         ),
         tuple(str(lattice.structure(m)) for m in undecided),
-        signs_of_model_error(search.task, best, search.refined.optimum(best), search.refined.whitening.floor_cost),
+        _unexplained_signs(search, lattice.structure(border.best), found[0]),
         tuple(map(str, search.offered)),
     )
+
+
+def _unexplained_signs(search: BorderSearch, best: Structure, simplest: Structure) -> tuple[str, ...]:
+    """Signs in the residual of the best structure; without any, those in the simplest minimal one.
+
+    What the simplest one lacks may hide behind the many effects of the best one, which explain no more by chance. What
+    an effect of the lattice may explain is no sign there: it has a verdict.
+    """
+    floor, refined = search.refined.whitening.floor_cost, search.refined
+    signs = signs_of_model_error(search.task, best, refined.optimum(best), floor)
+    if signs or simplest == best:
+        return signs
+    return signs_of_model_error(search.task, simplest, refined.optimum(simplest), floor, search.lattice.atoms)
 
 
 def _refuted(

@@ -7,13 +7,15 @@ structures offered lack something.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.symptoms import residual_symptoms
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
 from brightgrey.estimation.uncertainty.estimates import estimates_of
-from brightgrey.kit import Structure
+from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.task import IdentificationTask
@@ -29,7 +31,11 @@ def optimum_of(task: IdentificationTask, fitted: StructureFit) -> OptimumWithJac
 
 
 def signs_of_model_error(
-    task: IdentificationTask, structure: Structure, optimum: OptimumWithJacobian, floor_cost: float
+    task: IdentificationTask,
+    structure: Structure,
+    optimum: OptimumWithJacobian,
+    floor_cost: float,
+    decided: Collection[Placed] = (),
 ) -> tuple[str, ...]:
     """Signs that the residual of a fit holds something that the structure does not explain, one sentence each.
 
@@ -40,10 +46,13 @@ def signs_of_model_error(
     optimum : OptimumWithJacobian
     floor_cost : float
         Sum of squares that the errors of simulation and sensor may leave: below it there is nothing to see.
+    decided : collection of Placed
+        Effects that a verdict is given on: what one of them may explain is no sign.
     """
     if optimum.cost <= floor_cost:
         return ()
     problem, space = task.problem_and_space(structure)
     settings = accurate(task).settings
     context = FitContext(problem, space, settings, optimum, estimates_of(problem, space, settings, optimum))
-    return tuple(s.observation for s in residual_symptoms(context, task.scales) if s.unmodelled)
+    found = [s for s in residual_symptoms(context, task.scales) if s.unmodelled]
+    return tuple(s.observation for s in found if not any(p in decided for p in s.suggested))

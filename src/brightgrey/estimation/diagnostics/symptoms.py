@@ -44,6 +44,7 @@ class Symptom:
     advice: str  #: What to try; one sentence without its full stop.
     #: The motion holds something that the model lacks; False where sampling or a vibration from elsewhere explains it.
     unmodelled: bool = True
+    suggested: tuple[Placed, ...] = ()  #: Effects that may explain it, each by itself.
 
 
 def symptoms(
@@ -113,8 +114,12 @@ def _missing_mass(
 
 
 def _one_more_mass(structure: Structure) -> str:
-    more = next((e.words for e in registry().values() if e.masses == structure.masses + 1), None)
-    return f"try {more}: it oscillates and lags" if more else "no effect has more masses than this one"
+    tried = " or ".join(effect_in_words(p) for p in _further_mass(structure))
+    return f"try {tried}: it oscillates and lags" if tried else "no effect has more masses than this one"
+
+
+def _further_mass(structure: Structure) -> tuple[Placed, ...]:
+    return tuple(Placed(e.name) for e in registry().values() if e.masses == structure.masses + 1)
 
 
 def _effects_at_bound(
@@ -228,7 +233,7 @@ def _peak_symptom(peak: Peak, name: str, structure: Structure) -> Symptom:
         if peak.coherent
         else f"the residual is not coherent with the input there: look for a vibration or hum from elsewhere, or {more}"
     )
-    return Symptom("Peak in the residual", observation, advice, peak.coherent)
+    return Symptom("Peak in the residual", observation, advice, peak.coherent, _further_mass(structure))
 
 
 def _bad_starts(context: FitContext, options: DiagnosticOptions) -> list[Symptom]:
@@ -307,14 +312,17 @@ def _missing_effect(placed: Placed, hit: Detected) -> Symptom:
             observation,
             "the drive has less friction than the model where that mass moves: of another kind, or at another mass."
             " Search for the structure with the function set drive",
+            suggested=(placed,),
         )
     instead = "search for the structure" + (" with the function set drive" if placed.place > 1 else "")
-    return Symptom(f"{placed.title} suspected", observation, f"try {effect_in_words(placed)} as well, or {instead}")
+    advice = f"try {effect_in_words(placed)} as well, or {instead}"
+    return Symptom(f"{placed.title} suspected", observation, advice, suggested=(placed,))
 
 
 def _resonance(hit: Detected, frequency: float, structure: Structure) -> Symptom:
     observation = f"the residual follows the response of a resonance near {frequency:.2g} Hz to the input"
-    return Symptom("Resonance suspected", f"{observation}, which {_explains(hit)}", _one_more_mass(structure))
+    advice, more = _one_more_mass(structure), _further_mass(structure)
+    return Symptom("Resonance suspected", f"{observation}, which {_explains(hit)}", advice, suggested=more)
 
 
 def _torque_pattern(pattern: TorquePattern, hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
@@ -344,8 +352,9 @@ def _time_shift(hit: Detected, recordings: tuple[Recording, ...], options: Diagn
         )
     observation = f"the outputs come {late:.2g} s ({late / dt:.2g} samples) late, which {_explains(hit)}"
     if late >= dt:
-        names = " or ".join(e.words for e in registry().values() if any(p.lag for p in e.parameters))
-        return Symptom("Delay suspected", observation, f"try {names}")
+        lags = tuple(Placed(e.name) for e in registry().values() if any(p.lag for p in e.parameters))
+        tried = " or ".join(effect_in_words(p) for p in lags)
+        return Symptom("Delay suspected", observation, f"try {tried}", suggested=lags)
     kinds = {signal.kind for r in recordings for signal in r.outputs}
     causes = [
         *(["--hold zoh (an input held between samples)"] if any(r.hold == "linear" for r in recordings) else []),
