@@ -11,18 +11,18 @@ from brightgrey.search.model_error import optimum_of, signs_of_model_error
 from support.searches import simulated_task
 
 
-def test_signs__missing_viscous_friction__no_sign_where_it_has_a_verdict():
+def test_signs__missing_coulomb_friction__no_sign_where_it_has_a_verdict():
     values = {"J1": 0.02, "M_C": 1.0, "f_v": 0.02}
     task = simulated_task("one_mass+coulomb+viscous", values, E.torque()[:900], 0.05, dt=E.dt, f_tanh=E.f_tanh, seed=2)
-    lacking = PAPER.parse("one_mass+coulomb")
+    lacking = PAPER.parse("one_mass+viscous")
     fits = FitTable(task, (), anchors=[lacking])
     with ThreadPoolExecutor(1) as pool:
         fits.add([lacking], pool)
     optimum = optimum_of(task, fits.done[lacking])
 
     signs = signs_of_model_error(task, lacking, optimum, 0.0)
-    left = signs_of_model_error(task, lacking, optimum, 0.0, [Placed("viscous")])
+    left = signs_of_model_error(task, lacking, optimum, 0.0, [Placed("coulomb")])
 
-    assert any("speed" in sign for sign in signs)
+    assert any("sign of speed" in sign for sign in signs)
     assert set(left) < set(signs)
     assert signs_of_model_error(task, lacking, optimum, np.inf) == ()
