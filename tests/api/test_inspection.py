@@ -80,6 +80,25 @@ def test_inspect__several_axes__takes_input_and_output_of_one(tmp_path: Path) ->
     assert any("--torque-constant" in question for question in found.questions)
 
 
+@pytest.mark.parametrize(
+    ("header", "option"),
+    [
+        ("t [s],torque [N m],v1 [rad/s],v2 [rad/s]", "--output 'v2:velocity@2'"),
+        ("t [s],torque [N m],motor_speed [rad/s],load_speed [rad/s]", "--output 'load_speed:velocity@2'"),
+        ("t [s],torque_1 [N m],v1 [rad/s],v2 [rad/s],torque_2 [N m]", ""),
+        ("t [s],torque [N m],speed [rad/s],speed_ref [rad/s]", ""),
+    ],
+)
+def test_inspect__sensor_that_may_be_at_the_second_mass__says_how_to_add_it(
+    header: str, option: str, tmp_path: Path
+) -> None:
+    columns = (T, U, V, 0.6 * V + 0.2 * V.std() * np.sin(2 * np.pi * 20.0 * T), np.roll(U, 9))
+    found = inspect(write(tmp_path, header, *columns[: header.count(",") + 1]))
+    said = [question for question in found.questions if "second mass" in question]
+    assert bool(said) == bool(option)
+    assert all(option in question for question in said)
+
+
 def test_inspect__many_samples__suggests_decimation(tmp_path: Path) -> None:
     k = np.arange(60_000)
     found = inspect(write(tmp_path, "t [s],torque [N m],speed [rad/s]", 1e-4 * k, np.sin(k / 500), np.cos(k / 500)))

@@ -207,7 +207,7 @@ def _input_rank(meaning: Meaning) -> float | None:
 
 
 def _output_rank(meaning: Meaning) -> float | None:
-    if meaning.role == "error" or meaning.quantity not in ("position", "velocity", "acceleration"):
+    if meaning.role == "error" or meaning.quantity not in MOTIONS:
         return None
     return 2.0 * (meaning.quantity == "acceleration") + 3.0 * (meaning.role == "setpoint") + (meaning.side == "load")
 
@@ -239,6 +239,7 @@ def _options(channels: ReadChannels, u: int, y: int, time: TimeChoice) -> tuple[
     questions += _ask_output(channels, u, y, name_y, kind, units, options)
     if channels.meanings[u].side == "motor" and channels.meanings[y].side == "load":
         questions.append(f"the output is at the load: --gear '{name_y}=RATIO' brings it to the side of the motor")
+    questions.append(_further_sensor(channels, u, y))
     samples = channels.profiles[y].samples
     if samples > READING.many_samples:
         options["decimate"] = -(-samples // READING.enough_samples)
@@ -246,6 +247,28 @@ def _options(channels: ReadChannels, u: int, y: int, time: TimeChoice) -> tuple[
     if units:
         options["units"] = units
     return options, questions
+
+
+def _further_sensor(channels: ReadChannels, u: int, y: int) -> str:
+    """Return how to add a sensor that may be at the second mass: one at the load, or the next number of the output.
+
+    Several inputs are several axes, whose outputs have numbers, too.
+    """
+    own = channels.table.columns[y].name
+    number, stem = index_of(own), own.rstrip("0123456789")
+    one_axis = not any(i != u and channels.meanings[i].quantity in DRIVING for i in channels.changing())
+    for i in channels.changing():
+        meaning, name = channels.meanings[i], channels.table.columns[i].name
+        if i == y or meaning.quantity not in MOTIONS or meaning.role in ("setpoint", "error"):
+            continue
+        at_load = meaning.side == "load" and channels.meanings[y].side != "load" and index_of(name) == number
+        if at_load or (one_axis and stem and number.isdecimal() and name == f"{stem}{int(number) + 1}"):
+            reference = channels.reference(i)
+            return (
+                f"if '{name}' is at the second mass of the same drive, add --output '{reference}:{meaning.quantity}@2'"
+                f" (behind a gear also --gear '{reference}=RATIO')"
+            )
+    return ""
 
 
 def _ask_input(channels: ReadChannels, u: int, name: str, units: dict[str, str]) -> list[str]:
