@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from brightgrey.estimation.diagnostics.torque_patterns import MovedSegment, clearest_wave
+from brightgrey.effects import registry
+from brightgrey.estimation.diagnostics.torque_patterns import TORQUE_PATTERNS, MovedSegment, clearest_wave
 
 DT = 1e-3
 NUMBER = 2.0 * np.pi * 9.0 / 4.0  # nine periods over a travel of 4
@@ -48,3 +49,7 @@ def test_clearest_wave__long_recording_beside_a_fast_one__is_found():
 @pytest.mark.parametrize("travel", [0.0, 1e-310])
 def test_clearest_wave__no_motion__none(travel):
     assert clearest_wave([[segment(np.random.default_rng(5), travel=travel)]]) == (0.0, 1)
+
+
+def test_patterns__effects_that_they_tell_to_try__exist():
+    assert {name for pattern in TORQUE_PATTERNS for name in pattern.effects} <= registry().keys()

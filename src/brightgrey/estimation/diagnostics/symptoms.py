@@ -327,7 +327,7 @@ def _resonance(hit: Detected, frequency: float, structure: Structure) -> Symptom
 
 def _torque_pattern(pattern: TorquePattern, hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
     observation = f"the residual follows {pattern.follows}, which {_explains(hit)}"
-    return Symptom(pattern.title, observation, pattern.advice)
+    return Symptom(pattern.title, observation, pattern.advice, suggested=tuple(map(Placed, pattern.effects)))
 
 
 def _drift(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:

@@ -161,6 +161,8 @@ class TorquePattern:
         What the residual follows then; it completes "the residual follows".
     advice : str
         What to try; one sentence without its full stop.
+    effects : tuple of str
+        Names of the effects that the advice tells to try.
     """
 
     name: str
@@ -168,6 +170,7 @@ class TorquePattern:
     title: str
     follows: str
     advice: str
+    effects: tuple[str, ...] = ()
 
 
 TORQUE_PATTERNS = (
@@ -178,6 +181,7 @@ TORQUE_PATTERNS = (
         "a torque that acts in motion only and in one direction",
         "try direction-dependent viscous friction; constant torque takes a part of it, and friction near standstill is "
         "uncertain",
+        ("directional_viscous",),
     ),
     TorquePattern(
         "square of speed",
@@ -192,6 +196,7 @@ TORQUE_PATTERNS = (
         "Torque or friction depends on the position",
         "the position",
         "try a spring to the ground; nothing describes a misaligned guide: record only the part of the travel in use",
+        ("ground_spring",),
     ),
     TorquePattern(
         "torque ripple with position",
@@ -200,6 +205,7 @@ TORQUE_PATTERNS = (
         "a torque that repeats with the position",
         "try a position-dependent load: an arm, an eccentric load, cogging. Where the structure has one, this one is no"
         " sine, or has another period",
+        ("pendulum",),
     ),
     TorquePattern(
         "friction ripple with position",
