@@ -6,7 +6,10 @@ import numpy as np
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER, Placed
+from brightgrey.search.border_search import BorderSearch
+from brightgrey.search.decision import _unexplained_signs
 from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.lattice import Lattice
 from brightgrey.search.model_error import optimum_of, signs_of_model_error
 from support.searches import simulated_task
 
@@ -26,3 +29,15 @@ def test_signs__missing_coulomb_friction__no_sign_where_it_has_a_verdict():
     assert any("sign of speed" in sign for sign in signs)
     assert set(left) < set(signs)
     assert signs_of_model_error(task, lacking, optimum, np.inf) == ()
+
+
+def test_unexplained_signs__best_structure_shows_none__those_of_the_simplest_are_said():
+    values = {"J1": 0.02, "M_C": 1.0, "f_v": 0.02}
+    task = simulated_task("one_mass+coulomb+viscous", values, E.torque()[:900], 0.05, dt=E.dt, f_tanh=E.f_tanh, seed=2)
+    best, simplest = PAPER.parse("one_mass+coulomb+viscous"), PAPER.parse("one_mass+viscous")
+    lattice = Lattice.of(PAPER, (), [e for e in PAPER.places if e not in ("one_mass", "viscous")])
+    with ThreadPoolExecutor(1) as pool:
+        search = BorderSearch(task, lattice, pool)
+        search.run()
+        assert _unexplained_signs(search, best, best) == ()
+        assert any("friction" in sign for sign in _unexplained_signs(search, best, simplest))
