@@ -107,7 +107,7 @@ RULES: Mapping[str, tuple[Rule, str]] = {
     **dict.fromkeys(("counts", "gear", "shift"), (_NUMBERS[0], "numbers by column, like {'position': 4096}")),
     "units": _UNITS,
     "rated": (_UNITS[0], "texts by column, like {'torque': '9.84 mN m'}"),
-    **dict.fromkeys(("starts", "workers", "decimate", "draws"), _COUNT),
+    **dict.fromkeys(("starts", "workers", "decimate", "draws", "actuator"), _COUNT),
     "seed": (lambda value: isinstance(value, Integral) and _is_whole(value, 0), "a whole number from 0"),
     "search": (lambda value: isinstance(value, str) or _is_a(value, "GeneticSettings"), "a name like 'auto'"),
     **dict.fromkeys(("input_gain", "dt", "f_tanh", "min_change", "confidence", "seconds"), _REAL),

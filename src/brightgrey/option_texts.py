@@ -8,11 +8,23 @@ from typing import Any
 
 from brightgrey.errors import SettingsError
 
-__all__ = ["LISTS", "NUMBERS", "TEXTS", "number", "numbers", "pairs", "reading_arguments", "units", "window"]
+__all__ = [
+    "LISTS",
+    "NUMBERS",
+    "TEXTS",
+    "WHOLE_NUMBERS",
+    "number",
+    "numbers",
+    "pairs",
+    "reading_arguments",
+    "units",
+    "window",
+]
 
 LISTS = ("output", "unit", "rated", "counts", "gear", "shift", "beside")
 """Options that may be given several times."""
-NUMBERS = ("dt", "input_gain", "decimate")
+WHOLE_NUMBERS = ("decimate", "actuator")
+NUMBERS = ("dt", "input_gain", *WHOLE_NUMBERS)
 TEXTS = ("input", "time", "window", "hold", "torque_constant")
 WINDOW = "A:B, two times in s"
 

@@ -3,27 +3,29 @@
 import numpy as np
 import pytest
 
-from brightgrey import identify, recording_from
-from brightgrey.errors import SettingsError
+from brightgrey import Model, design, identify, recording_from, simulate
+from brightgrey.errors import RecordingError, SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.simulation.reference import reference
+from support.models import random_model
 
 VALUES = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "f_v": 0.004, "M_C": 0.3}
 GAP = VALUES | {"alpha": 0.004}
 F_TANH = 40.0
 
 
-def recorded(structure, values, sensors, noise, kinds):
+def recorded(structure, values, sensors, noise, kinds, actuator=1):
     """Recording by the reference solver, with white noise in parts of each signal's standard deviation."""
     u, rng = E.torque(), np.random.default_rng(3)
-    signals = reference(structure, values, u, E.dt, f_tanh=F_TANH, outputs=sensors)
+    signals = reference(structure, values, u, E.dt, f_tanh=F_TANH, outputs=sensors, actuator=actuator)
     signals = [np.abs(y) if "speed" in kind else y for y, kind in zip(signals, kinds, strict=True)]
     noisy = {f"y{i}": y + noise * y.std() * rng.normal(size=y.size) for i, y in enumerate(signals)}
     columns = {"t": E.dt * np.arange(u.size), "torque": u, **noisy}
     units = {"t": "s", "torque": "N m"} | {
         name: "rad" if "position" in kind else "rad/s" for name, kind in zip(noisy, kinds, strict=True)
     }
-    return recording_from(columns, input="torque", outputs=list(zip(noisy, kinds, strict=True)), time="t", units=units)
+    outputs = list(zip(noisy, kinds, strict=True))
+    return recording_from(columns, input="torque", outputs=outputs, time="t", units=units, actuator=actuator)
 
 
 @pytest.mark.long
@@ -43,6 +45,32 @@ def test_speed_of_the_load_without_sign__actuator_at_the_motor__parameters_are_f
     assert fit.fit_percent > 98.0
     for name in ("J1", "J2", "f_v", "M_C"):
         assert result.model.parameters[name].value == pytest.approx(VALUES[name], rel=0.15), name
+
+
+def test_actuator_at_the_load__sensor_at_the_motor__parameters_are_found():
+    recording = recorded("two_mass+coulomb+viscous", VALUES, ("v1",), 0.01, ("velocity",), actuator=2)
+    model = identify(recording, "two_mass+coulomb+viscous", f_tanh=F_TANH).model
+    for name, value in VALUES.items():
+        low, high = model.parameters[name].ci95
+        spread = model.parameters[name].std
+        assert low - 2.0 * spread < value < high + 2.0 * spread, name
+    fit = simulate(model, recording).fit["y0"]
+    assert fit.fit_percent == pytest.approx(model.fit.train["y0"].fit_percent, abs=1e-6)
+    assert Model.check(model.model_dump(mode="json")).input.mass == 2
+    with pytest.raises(RecordingError, match=r"signals are .*the model was identified from .*input@2"):
+        simulate(model, recorded("two_mass+coulomb+viscous", VALUES, ("v1",), 0.01, ("velocity",)))
+
+
+def test_actuator_elsewhere__what_needs_it_at_mass_1__is_refused():
+    recording = recorded("two_mass+coulomb+viscous", VALUES, ("v1",), 0.01, ("velocity",), actuator=2)
+    with pytest.raises(SettingsError, match="acts on mass 2, and a search needs it at mass 1"):
+        identify(recording)
+    with pytest.raises(SettingsError, match=r"actuator at mass 2: 'one_mass\+viscous' has mass 1 only"):
+        identify(recording, "one_mass+viscous")
+    with pytest.raises(SettingsError, match="a cascade closes its loops at mass 1"):
+        design(random_model("two_mass", 1, actuator=2), torque=1.0)
+    with pytest.raises(SettingsError, match="actuator is 0"):
+        recording_from({"t": recording.t, "u": recording.u, "v": recording.y[0]}, input="u", outputs="v", actuator=0)
 
 
 def test_sensor__mass_that_is_not_there__is_refused():

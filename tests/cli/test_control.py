@@ -115,6 +115,15 @@ def test_design__loads_that_depend_on_the_position__have_a_stable_cascade(struct
     assert found.state_feedback is found.observer_gain is found.noise is found.observer_margins is None
 
 
+def test_design__friction_and_load_behind_a_gap__cascade_and_state_feedback_are_stable():
+    """In the open gap the load coasts: nothing has to balance it."""
+    structure = "two_mass+coulomb+viscous+coulomb@2+viscous@2+gravity@2+backlash"
+    beside = {"M_C": 0.1, "f_v": 0.01, "M_C@2": 0.2, "f_v@2": 0.02, "M_G@2": 0.3, "alpha": 0.01}
+    found = design(model_with_values(structure, {"J1": 0.02, **SECOND, **beside}), torque=5.0)
+    assert {a.operating_point.contact_mode.contact for a in found.analyses} == {"forward", "gap"}
+    assert all(m.stable for m in (*found.cascade.speed_margins, *found.cascade.position_margins))
+
+
 @pytest.mark.parametrize("position", [0.0, 1.0, 2.0, 2.5, 3.0, -2.0, -3.0])
 def test_analyse__speed_control_with_an_integral_of_an_arm__is_stable_in_every_pose(position):
     """The position stays wherever it is: the pole at 0 is no matter of rounding."""

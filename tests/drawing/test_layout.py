@@ -117,6 +117,17 @@ def test_wires__that_lead_to_undecided_parts_only__are_dashed():
     assert [stem.dashed for stem in stems] == [False, True, True]  # to Coulomb friction, beyond it, below mass 2
 
 
+def test_input_on_another_mass__its_letter_stands_at_both_ends():
+    layout = lay_out(drive_of(Structure.parse("three_mass"), input_text="force in N", actuator=2))
+    marks = [i for i in layout.items if isinstance(i, PlacedSymbol) and i.letters == "u"]
+    bodies = [i for i in layout.items if isinstance(i, PlacedSymbol) and i.symbol.at == "body"]
+    assert len(marks) == 2
+    assert marks[0].box[2] < bodies[0].x
+    assert bodies[1].x < marks[1].x < bodies[2].x
+    assert [i.plain for i in layout.items if isinstance(i, Label)].count("force in N") == 2
+    assert "input at mass 2" in layout.title
+
+
 def test_value__too_long_for_a_line__unit_stands_beside_its_half_width():
     values = {"J1": ValueText("12345.678", "0.012", "kg m²")}
     layout = lay_out(drive_of(Structure.parse("one_mass"), values=values))

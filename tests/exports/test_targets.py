@@ -68,6 +68,7 @@ def deviation_of(to, model, folder):
             {"linear_axis": True},
         ),
         ("three_mass+coulomb+backlash@2+cubic_spring", {"kinds": ALL}),
+        ("three_mass+coulomb+viscous@2+backlash+current_control", {"kinds": ALL, "actuator": 2}),
     ],
 )
 def test_export__run_by_its_tool__moves_like_the_model(to, structure, options, tmp_path):

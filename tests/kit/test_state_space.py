@@ -171,6 +171,8 @@ def test_assemble__wrong_values_or_outputs__refused():
         system_of("two_mass", {**TWO, "j1": 1.0})
     with pytest.raises(SettingsError, match="Did you mean 'velocity'"):
         system_of("two_mass", TWO, outputs=("velocitty",))
+    with pytest.raises(SettingsError, match="actuator at mass 3: 'two_mass' has masses 1 to 2"):
+        assemble(Structure.parse("two_mass"), TWO, 1.0, actuator=3)
 
 
 def test_assemble__every_effect_with_a_law__is_covered():

@@ -289,13 +289,27 @@ def test_reference__chaotic_drive__measured_and_refused():
         reference(CHAOTIC, values, E.torque(), E.dt, f_tanh=E.f_tanh)
 
 
+@METHODS
+def test_reference__input_on_the_last_mass__is_the_drive_seen_from_its_other_end(method):
+    values = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "M_C": 0.3, "f_v@2": 0.02, "T_1": 1e-3}
+    other = {"J2": 0.012, "J1": 0.008, "c1": 75.0, "d1": 0.036, "M_C@2": 0.3, "f_v": 0.02, "T_1": 1e-3}
+    u = 2.0 * np.sin(40.0 * T)
+    found = solve(
+        "two_mass+coulomb+viscous@2+current_control", values, u, method, 50.0, outputs=("v1", "v2"), actuator=2
+    )
+    seen = solve("two_mass+coulomb@2+viscous+current_control", other, u, method, 50.0, outputs=("v2", "v1"))
+    np.testing.assert_allclose(found, seen, **EXACT)
+
+
+@pytest.mark.parametrize("from_the_end", [False, True])
 @pytest.mark.parametrize("structure", ALL[::9], ids=str)
-def test_construction_kit__right_hand_side__equals_newtons_law(structure):
+def test_construction_kit__right_hand_side__equals_newtons_law(structure, from_the_end):
     """x' of the assembled state space equals Newton's law, in contact and in the gap."""
     rng = np.random.default_rng(1)
     values = random_values(structure.parameters, rng)
-    system = assemble(structure, values, 2.5, ("acceleration",))
-    plant = Plant.of(str(structure), values, 2.5)
+    actuator = structure.masses if from_the_end else 1
+    system = assemble(structure, values, 2.5, ("acceleration",), actuator)
+    plant = Plant.of(str(structure), values, 2.5, actuator)
     assert system.state_names == plant.state_names
     n = plant.masses
     drive = DriveEquations(plant, None, 1e-9, np.zeros(1))
@@ -315,7 +329,7 @@ def test_construction_kit__right_hand_side__equals_newtons_law(structure):
         scale = np.max(np.abs(system.A), axis=1) * 10.0 + np.abs(found)
         rows = [*range(n, 2 * n), *([] if plant.T_1 is None else [len(x) - 1])]
         assert np.all(np.abs(found[rows] - expected[n:]) <= 1e-11 * scale[rows])
-        np.testing.assert_allclose(system.output(x, u), found[n])
+        np.testing.assert_allclose(system.output(x, u), found[n], atol=1e-11 * scale[n])
 
 
 @pytest.mark.parametrize(
@@ -328,6 +342,7 @@ def test_construction_kit__right_hand_side__equals_newtons_law(structure):
         ("one_mass", {"J1": 1.0, "M_C": 1.0}, {}, SettingsError, "unknown parameter"),
         ("one_mass", {"J1": 0.0}, {}, SettingsError, "J1 = 0"),
         ("one_mass", {"J1": 1.0}, {"x0": np.zeros(3)}, SettingsError, "2 finite numbers: q1, v1"),
+        ("one_mass", {"J1": 1.0}, {"actuator": 2}, SettingsError, "has masses 1 to 1"),
         ("one_mass", {"J1": 1.0}, {"hold": "foh"}, SettingsError, "zoh"),
         ("one_mass", {"J1": 1.0}, {"method": "event"}, SettingsError, "events"),
         ("one_mass", {"J1": 1.0}, {"outputs": ("speed",)}, SettingsError, "velocity"),

@@ -55,4 +55,5 @@ def random_drive(seed: int):
         sensors=sensors,
         input_text=in_unit(draw.choice(NAMES), units.input),
         undecided=undecided,
+        actuator=draw.choice((1, structure.masses)),
     )

@@ -34,7 +34,9 @@ KINDS = {
 }
 
 
-def make_model(structure, parameters, outputs, units, *, dt, f_tanh, speed, hold="linear", bounds=(), **parts):
+def make_model(
+    structure, parameters, outputs, units, *, dt, f_tanh, speed, hold="linear", bounds=(), actuator=1, **parts
+):
     """Model of `structure`; `parameters` and `bounds` in `units`, `f_tanh` and `speed` in SI.
 
     `outputs` lists name, kind and unit of each output. `parts` replace whole parts of model.json.
@@ -46,7 +48,9 @@ def make_model(structure, parameters, outputs, units, *, dt, f_tanh, speed, hold
         "structure": structure.split("+"),
         "parameters": parameters,
         "signals": [
-            {"name": n, "kind": k, "unit": u, "gain": 1.0, "sampling_time": dt, "hold": hold} for n, k, u in signals
+            {"name": n, "kind": k, "unit": u, "gain": 1.0, "sampling_time": dt, "hold": hold}
+            | {"mass": actuator if k == "input" else 1}
+            for n, k, u in signals
         ],
         "settings": {
             "friction_width": v_factor / f_tanh,
@@ -124,7 +128,7 @@ def trace_of(model, *, samples=2000, noise=0.02, name="a.csv", test=False):
     return Trace(name, t, u * model.input.factor, measured, y, model.input, model.outputs, test)
 
 
-def model_with_values(structure, values, *, kinds=("velocity",), hold="linear", linear_axis=False, dt=None):
+def model_with_values(structure, values, *, kinds=("velocity",), hold="linear", linear_axis=False, dt=None, actuator=1):
     """Model of `structure` with SI `values` and without intervals; a linear axis is the same in N and mm."""
     units = Units("N", "mm") if linear_axis else Units("N m", "rad")
     parameters = {}
@@ -133,7 +137,8 @@ def model_with_values(structure, values, *, kinds=("velocity",), hold="linear", 
         parameters[name] = {"value": values[name] * factor, "unit": unit, "std": None, "ci95": None, "at_bound": None}
     outputs = [(kind, kind, KINDS[kind][linear_axis]) for kind in kinds]
     e = PAPER_EXPERIMENT
-    return make_model(structure, parameters, outputs, units, dt=dt or e.dt, f_tanh=e.f_tanh, speed=e.speed, hold=hold)
+    options = {"dt": dt or e.dt, "f_tanh": e.f_tanh, "speed": e.speed, "hold": hold, "actuator": actuator}
+    return make_model(structure, parameters, outputs, units, **options)
 
 
 def random_model(structure, seed, **options):

@@ -178,7 +178,7 @@ def analyse(model: Model, *, speed: float | None = None, contact: str = "forward
         For an unknown contact, an open gap of a model without one, or if no such motion exists.
     """
     settings = model.settings_si()
-    system = assemble(model.structure, model.values_si(), settings.f_tanh, _output_kinds(model))
+    system = assemble(model.structure, model.values_si(), settings.f_tanh, _output_kinds(model), model.input.mass)
     if contact == "gap" and not model.structure.has_hard_limit:
         raise SettingsError("contact 'gap': this model has no gap; take forward or backward")
     at = ANALYSIS.part_of_speed * settings.speed_scale if speed is None else speed / model.units.of(SPEED)[1]
@@ -218,8 +218,14 @@ def design(
     Raises
     ------
     SettingsError
-        If an argument is out of range, the torque does not move the drive, or no such control exists.
+        If an argument is out of range, the torque does not move the drive, the input does not act on mass 1, or no
+        such control exists.
     """
+    if model.input.mass > 1:
+        raise SettingsError(
+            f"'{model.input.name}' acts on mass {model.input.mass}, and a cascade closes its loops at mass 1; count the"
+            " masses from the driven one, or take the linear model of analyse()"
+        )
     dt = model.settings.sampling_time if sampling_time is None else sampling_time
     _check_range("torque", torque, 1e-30, 1e30)
     _check_range("sampling_time", dt, 1e-9, 1e3)

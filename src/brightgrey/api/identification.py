@@ -156,10 +156,8 @@ def identify(
     checkup = check_recordings(several if test is None else (*several, test))
     if check:
         checkup.refuse()
-    if structure is not None and (search is not None or grammar is not None or require or exclude):
-        raise SettingsError("a structure and a search were given; do one of them")
-    if structure is None and start is not None:
-        raise SettingsError("a start model was given without a structure; a search draws its starts itself")
+    searching = search is not None or grammar is not None or bool(require or exclude)
+    _check_request(several[0], structure, start, searching=searching)
     named = Structure.parse(structure) if isinstance(structure, str) else structure
     task = identification_task(several, named, bounds or {}, fixed or {}, f_tanh, per_recording)
     found = None
@@ -199,6 +197,23 @@ def identify(
     made = _assemble_result(fit, several, test, constants, seed, found, profiles, checkup)
     asked = _Asked(task, tuple(require), tuple(exclude), initial, level, seed)
     return replace(made, record=_record(asked, fit, found), recordings=several)
+
+
+def _check_request(
+    recording: Recording, structure: Structure | str | None, start: Model | None, *, searching: bool
+) -> None:
+    """Refuse a structure beside a search, and what a search has no use for."""
+    if structure is not None:
+        if searching:
+            raise SettingsError("a structure and a search were given; do one of them")
+        return
+    if start is not None:
+        raise SettingsError("a start model was given without a structure; a search draws its starts itself")
+    if recording.input.mass > 1:
+        raise SettingsError(
+            f"'{recording.input.name}' acts on mass {recording.input.mass}, and a search needs it at mass 1; give the"
+            " structure, or count the masses from the driven one"
+        )
 
 
 @dataclass(frozen=True)

@@ -129,6 +129,7 @@ def read_for(
             time=time,
             dt=dt,
             input_gain=model.input.gain,
+            actuator=model.input.mass,
             units=units,
             hold=model.settings.hold,
         )

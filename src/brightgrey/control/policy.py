@@ -17,6 +17,7 @@ class AnalysisPolicy:
     points_of_a_wave: int = 720  #: Positions among which a position-dependent load is steepest or largest.
     #: Of the fastest pole: a pole nearer to the imaginary axis counts as on it.
     axis_tolerance: float = 1e-9
+    rounding: float = 4e-15  #: Of the sum of the terms: a sum that is smaller is zero.
     #: Remainder of a Krylov direction, relative to A, that counts as zero.
     krylov_tolerance: float = 1e-10
     points_per_decade: int = 200  #: Of a frequency grid.

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 from brightgrey.drawing.drive import DrivePart, Sensor, ValueText, shown_symbol
 from brightgrey.drawing.items import STYLE, Cell, DrawnItem, Label, PlacedSymbol, Wire
 from brightgrey.drawing.text_width import text_width, wrap
 from brightgrey.effects import Symbol
 
-__all__ = ["block_cell", "input_cell", "mark_cell", "mass_cell", "shaft_cell"]
+__all__ = ["Before", "block_cell", "input_cell", "mark_cell", "mass_cell", "shaft_cell"]
 
 FLAG = Symbol("load", 24.0, 18.0, (((0.0, 9.0), (3.0, 9.0)), ((3.0, 18.0), (3.0, 1.0), (23.0, 6.0), (3.0, 11.0))))
 GROUND = Symbol(
@@ -21,12 +22,13 @@ GROUND = Symbol(
 RING = Symbol("input", 20.0, 20.0, circles=((10.0, 10.0, 10.0),))
 _UNSURE = " ?"
 Runs = tuple[tuple[str, bool], ...]
+Before = Literal["input", "shaft", "nothing"]
+"""What leads to a mass from the left."""
 
 
 def input_cell(name: str) -> Cell:
     """Name of the input above the wire that carries it."""
-    lines = wrap(name, STYLE.size, STYLE.text_width)
-    texts = _upwards(0.0, -STYLE.gap, [(((line, False),), False) for line in lines])
+    texts = _upwards(0.0, -STYLE.gap, _wrapped(name, STYLE.size))
     width = max(_right(texts) + STYLE.gap, 60.0)
     return Cell(width, [*texts, Wire(0.0, 0.0, width, 0.0)])
 
@@ -41,35 +43,48 @@ def block_cell(part: DrivePart) -> Cell:
     return Cell(width, [mark, *texts, *wires])
 
 
-def mass_cell(parts: Sequence[DrivePart], sensors: Sequence[Sensor], *, first: bool, last: bool) -> Cell:
-    """Mass with loads and sensors above, its inertia and what leads to the ground below."""
+def mass_cell(
+    parts: Sequence[DrivePart],
+    sensors: Sequence[Sensor],
+    before: Before,
+    driven: str = "",
+    *,
+    last: bool,
+) -> Cell:
+    """Mass with loads and sensors above, its inertia and what leads to the ground below.
+
+    `driven` is the name of an input that acts on it from elsewhere.
+    """
     body = next(part for part in parts if part.symbol.at == "body")
-    left = 2.5 * STYLE.lead if first else STYLE.lead
+    left = STYLE.lead if before == "shaft" else 2.5 * STYLE.lead
     mark = _mark(body, left, -0.5 * body.symbol.height)
     centre = 0.5 * (mark.x + mark.box[2])
     on_ground = any(part.symbol.at == "ground" for part in parts)
     inertia = _downwards(centre + STYLE.bus if on_ground else left, mark.box[3] + STYLE.gap, _lines(body))
-    items: list[DrawnItem] = [mark, *inertia, *_loads(parts, sensors, centre, mark.y)]
+    items: list[DrawnItem] = [mark, *inertia, *_loads(parts, sensors, driven, centre, mark.y)]
     items += _grounded(parts, centre, mark.box[3], _bottom(inertia))
     width = _right(items) + (STYLE.gap if not last else 0.0)
-    items.append(Wire(0.0, 0.0, left, 0.0, arrow=first, dashed=body.undecided))
+    if before != "nothing":
+        items.append(Wire(0.0, 0.0, left, 0.0, arrow=before == "input", dashed=body.undecided))
     if not last:
         onward = any(part.symbol.at == "spring" and part.undecided for part in parts)
         items.append(Wire(mark.box[2], 0.0, width, 0.0, dashed=onward))
     return Cell(width, items, dashed=body.undecided)
 
 
-def _loads(parts: Sequence[DrivePart], sensors: Sequence[Sensor], centre: float, top: float) -> list[DrawnItem]:
-    """Loads and flags of sensors on a stem above the mass, the sensors on top."""
+def _loads(
+    parts: Sequence[DrivePart], sensors: Sequence[Sensor], driven: str, centre: float, top: float
+) -> list[DrawnItem]:
+    """Input from elsewhere, loads and flags of sensors on a stem above the mass, the sensors on top."""
     x = centre + STYLE.bus
-    entries = [(_mark(part, x, 0.0), _lines(part)) for part in parts if part.symbol.at == "load"]
+    entries: list[tuple[PlacedSymbol, list[tuple[Runs, bool]]]] = []
+    if driven:
+        ring = PlacedSymbol(x, 0.0, _lettered_ring(STYLE.input_mark), about=f"Input: {driven}")
+        entries.append((ring, _wrapped(driven, STYLE.size)))
+    entries += [(_mark(part, x, 0.0), _lines(part)) for part in parts if part.symbol.at == "load"]
     for sensor in sensors:
-        about = f"Sensor: {sensor.name}, {sensor.kind}"
-        words = [((line, False),) for line in wrap(sensor.name, STYLE.size, STYLE.text_width)]
-        kinds = [((line, False),) for line in wrap(sensor.kind, STYLE.small, STYLE.text_width)]
-        entries.append(
-            (PlacedSymbol(x, 0.0, FLAG, about=about), [*((w, False) for w in words), *((k, True) for k in kinds)])
-        )
+        flag = PlacedSymbol(x, 0.0, FLAG, about=f"Sensor: {sensor.name}, {sensor.kind}")
+        entries.append((flag, [*_wrapped(sensor.name, STYLE.size), *_wrapped(sensor.kind, STYLE.small)]))
     items: list[DrawnItem] = []
     ends: list[tuple[float, bool]] = []
     y = top - STYLE.gap
@@ -138,9 +153,13 @@ def mark_cell(letter: str, *, ends: bool, dashed: bool) -> Cell:
     """Letter in a circle, where a row ends or begins."""
     size, width = RING.width, STYLE.mark_width
     x = width - size if ends else 0.0
-    symbol = Symbol("input", size, size, circles=RING.circles, letters=letter)
+    symbol = _lettered_ring(letter)
     wire = Wire(*((0.0, 0.0, x) if ends else (size, 0.0, width)), 0.0, dashed=dashed)
     return Cell(width, [PlacedSymbol(x, -0.5 * size, symbol, about=f"goes on at {letter}"), wire], is_mark=True)
+
+
+def _lettered_ring(letter: str) -> Symbol:
+    return Symbol("input", RING.width, RING.height, circles=RING.circles, letters=letter)
 
 
 def _mark(part: DrivePart, x: float, y: float) -> PlacedSymbol:
@@ -180,6 +199,11 @@ def _value_lines(runs: Runs, value: ValueText) -> list[Runs]:
         if all(Label(0.0, 0.0, line).width <= STYLE.text_width for line in lines):
             break
     return lines
+
+
+def _wrapped(text: str, size: float) -> list[tuple[Runs, bool]]:
+    """Lines of a text, each with a mark that small ones are less important."""
+    return [(((line, False),), size < STYLE.size) for line in wrap(text, size, STYLE.text_width)]
 
 
 def _downwards(x: float, top: float, lines: Sequence[tuple[Runs, bool]]) -> list[Label]:

@@ -73,7 +73,9 @@ class Drive:
     parts : tuple of DrivePart
     sensors : tuple of Sensor
     input : str
-        Name and unit of the torque or force on mass 1.
+        Name and unit of the torque or force.
+    actuator : int
+        Mass that it acts on.
     """
 
     title: str
@@ -82,6 +84,7 @@ class Drive:
     parts: tuple[DrivePart, ...]
     sensors: tuple[Sensor, ...] = ()
     input: str = ""
+    actuator: int = 1
 
 
 def drive_of(
@@ -91,6 +94,7 @@ def drive_of(
     values: Mapping[str, ValueText] | None = None,
     sensors: Sequence[Sensor] = (),
     input_text: str = "",
+    actuator: int = 1,
     undecided: Collection[str] = (),
 ) -> Drive:
     """Drive of a structure.
@@ -105,6 +109,8 @@ def drive_of(
     sensors : sequence of Sensor
     input_text : str
         Name and unit of the input; by default `torque` or `force`.
+    actuator : int
+        Mass that the input acts on.
     undecided : collection of str
         Names of placed effects that the recording does not decide, inside the structure or not. A multiple-mass system
         stands for its last mass.
@@ -133,12 +139,13 @@ def drive_of(
             title = "" if p.effect.masses else p.effect.title
             parts.append(DrivePart(str(p), title, symbol, place, tuple((n, known.get(n)) for n in names), unsure))
     return Drive(
-        title=_sentence(placed, rotary),
+        title=_sentence(placed, rotary, actuator),
         masses=chain.masses,
         rotary=rotary,
         parts=tuple(parts),
         sensors=tuple(sensors),
         input=input_text or ("torque" if rotary else "force"),
+        actuator=actuator,
     )
 
 
@@ -157,6 +164,7 @@ def shown_symbol(name: str) -> tuple[tuple[str, bool], ...]:
     return tuple(run for run in runs if run[0])
 
 
-def _sentence(placed: Sequence[Placed], rotary: bool) -> str:
+def _sentence(placed: Sequence[Placed], rotary: bool, actuator: int) -> str:
     kind = "Rotary drive" if rotary else "Linear axis"
-    return f"{kind}: {structure_in_words(Structure(tuple(placed)))}."
+    driven = f", input at mass {actuator}" if actuator > 1 else ""
+    return f"{kind}: {structure_in_words(Structure(tuple(placed)))}{driven}."

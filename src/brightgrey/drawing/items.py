@@ -35,6 +35,7 @@ class DrawingStyle:
     bus: float = 10.0  #: From the wire below or above a mass to what hangs on it.
     lead: float = 8.0  #: Wire between cells and parts.
     mark_width: float = 34.0  #: Of the letter where a row ends.
+    input_mark: str = "u"  #: Letter where the input goes on, if it does not act on the first mass.
     line: float = 1.5  #: Thickness.
     dash: float = 3.0
     legend: str = "Dashed, with a question mark: the recording does not decide whether it is there."

@@ -7,9 +7,9 @@ rows that are no wider than asked; a circle with a letter ends a row and begins 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from brightgrey.drawing.cells import block_cell, input_cell, mark_cell, mass_cell, shaft_cell
+from brightgrey.drawing.cells import Before, block_cell, input_cell, mark_cell, mass_cell, shaft_cell
 from brightgrey.drawing.drive import Drive
 from brightgrey.drawing.items import STYLE, Cell, DrawnItem, Label
 from brightgrey.drawing.text_width import wrap
@@ -77,10 +77,14 @@ def _cells(drive: Drive) -> list[Cell]:
     blocks = [part for part in drive.parts if part.symbol.at == "input"]
     # A dead time is that of the bus, so that it comes before the current control that acts on what has come.
     cells = [input_cell(drive.input), *(block_cell(part) for part in reversed(blocks))]
+    if drive.actuator > 1:  # its wire goes on at the driven mass
+        cells.append(replace(mark_cell(STYLE.input_mark, ends=True, dashed=False), is_mark=False))
     for place in range(1, drive.masses + 1):
         sensors = [sensor for sensor in drive.sensors if sensor.mass == place]
         of_place = [part for part in drive.parts if part.place == place]
-        cells.append(mass_cell(of_place, sensors, first=place == 1, last=place == drive.masses))
+        driven = drive.input if place == drive.actuator > 1 else ""
+        before: Before = "shaft" if place > 1 else "input" if drive.actuator == 1 else "nothing"
+        cells.append(mass_cell(of_place, sensors, before, driven, last=place == drive.masses))
         if place < drive.masses:
             cells.append(shaft_cell(of_place))
     return cells

@@ -257,7 +257,7 @@ def numeric_model(model: Model, f_tanh: float | None = None) -> NumericModel:
 
 def _lowered(model: Model, settings: Settings) -> NumericModel:
     natural = [signal.simulated for signal in model.outputs]
-    system = assemble(model.structure, model.values_si(), settings.f_tanh, natural)
+    system = assemble(model.structure, model.values_si(), settings.f_tanh, natural, model.input.mass)
     dt = model.settings.sampling_time
     low = lower(system, dt)
     outputs = tuple(

@@ -27,6 +27,7 @@ def assemble(
     values: Mapping[str, Any],
     f_tanh: float | Array,
     outputs: Sequence[str] = ("velocity",),
+    actuator: int = 1,
 ) -> StateSpace:
     """Assemble the state space of `structure`.
 
@@ -43,6 +44,8 @@ def assemble(
         Gain of eq. (2) in s/rad (s/m): the inverse of the width of friction's reversal.
     outputs : sequence of str
         ``position``, ``velocity``, ``acceleration`` of mass 1; ``velocity@2`` is that of mass 2.
+    actuator : int
+        Mass that the input acts on.
 
     Returns
     -------
@@ -51,7 +54,8 @@ def assemble(
     Raises
     ------
     SettingsError
-        If a parameter is missing or unknown, or an output is none of the three, or of a mass that is not there.
+        If a parameter is missing or unknown, or an output is none of the three. Also if an output or the actuator is
+        at a mass that is not there.
     """
     names = structure.parameters
     for name in values:
@@ -60,6 +64,8 @@ def assemble(
     if missing:
         raise SettingsError(f"no value for parameter {', '.join(missing)} of '{structure}'")
     sensors = [_sensor(output, structure) for output in outputs]
+    if not 1 <= actuator <= structure.masses:
+        raise SettingsError(f"actuator at mass {actuator}: '{structure}' has {_masses_of(structure)}")
     given = [np.asarray(values[n], float) for n in names]
     if len({a.shape for a in given}) > 1:
         given = list(np.broadcast_arrays(*given))
@@ -68,11 +74,11 @@ def assemble(
     draft = Draft()
     for stage, placed in _in_order(structure):
         if stage >= _SELECT_BEFORE:
-            draft = _select_actuator(draft)
+            draft = _select_actuator(draft, actuator)
         own = {q.symbol: arrays[placed.parameter(q.symbol)] for q in placed.effect.parameters}
         draft = replace(draft, owner=f"{placed.name}@{placed.place}")
         draft = placed.effect.stamp(draft, placed.place, {**own, "f_tanh": f_tanh})
-    return _select_sensors(_select_actuator(draft), sensors, outputs)
+    return _select_sensors(_select_actuator(draft, actuator), sensors, outputs)
 
 
 def slowest_resonance(structure: Structure, values: Mapping[str, float]) -> float:
@@ -103,9 +109,9 @@ def _in_order(structure: Structure) -> list[tuple[int, Placed]]:
     return sorted(((_STAGE_ORDER.index(p.effect.stage), p) for p in structure.placed), key=lambda pair: pair[0])
 
 
-def _select_actuator(draft: Draft) -> Draft:
-    """Apply the input selection matrix: the only actuator is at mass 1. A second call changes nothing."""
-    return draft if draft.B.shape[1] == 1 else replace(draft, B=draft.B[:, :1])
+def _select_actuator(draft: Draft, mass: int) -> Draft:
+    """Apply the input selection matrix: the only actuator is at a mass. A second call changes nothing."""
+    return draft if draft.B.shape[1] == 1 else replace(draft, B=draft.B[:, mass - 1 : mass])
 
 
 def _sensor(output: str, structure: Structure) -> tuple[str, int]:
@@ -113,9 +119,12 @@ def _sensor(output: str, structure: Structure) -> tuple[str, int]:
     kind, _, mass = output.partition("@")
     one_of("output", kind, OUTPUTS)
     if mass and not (mass.isdecimal() and 1 <= int(mass) <= structure.masses):
-        there = "mass 1 only" if structure.masses == 1 else f"masses 1 to {structure.masses}"
-        raise SettingsError(f"output '{output}': '{structure}' has {there}")
+        raise SettingsError(f"output '{output}': '{structure}' has {_masses_of(structure)}")
     return kind, int(mass or 1)
+
+
+def _masses_of(structure: Structure) -> str:
+    return "mass 1 only" if structure.masses == 1 else f"masses 1 to {structure.masses}"
 
 
 def _select_sensors(draft: Draft, sensors: Sequence[tuple[str, int]], outputs: Sequence[str]) -> StateSpace:

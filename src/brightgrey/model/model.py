@@ -138,6 +138,7 @@ class Model(Part):
             values=values,
             sensors=[Sensor(s.mass, s.name, in_unit(kind_in_words(s.kind), s.unit)) for s in self.signals[1:]],
             input_text=in_unit(self.input.name, self.input.unit),
+            actuator=self.input.mass,
             undecided=[name for name, verdict in (self.evidence or {}).items() if verdict == "not decidable"],
         )
         return DriveDrawing(drive)

@@ -94,7 +94,7 @@ class ParameterPart(Part):
 class SignalPart(Part):
     """A column of the recording. Recorded value times `gain` stands in `unit`; sampling_time in s.
 
-    `mass` is the one that an output is measured at, counted from the motor.
+    `mass` is the one that an output is measured at, or that the input acts on, counted along the drive train.
     """
 
     name: str

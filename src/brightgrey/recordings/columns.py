@@ -41,6 +41,7 @@ class ReadingOptions:
     time: str | None
     dt: float | None
     input_gain: float
+    actuator: int
     units: Mapping[str, str]
     window: TimeWindow | None
     decimate: int
@@ -96,7 +97,7 @@ def choose_columns(table: Table, options: ReadingOptions) -> ColumnChoice:
         kinds.append(found)
         notes += [f"output '{table.columns[i].name}' is taken as {found}{reason}"] if reason else []
     signals = _chosen_signals(table, chosen, kinds, given, options)
-    masses = (1, *(mass for _, _, mass in named))
+    masses = (options.actuator, *(mass for _, _, mass in named))
     signals = tuple(replace(signal, mass=mass) for signal, mass in zip(signals, masses, strict=True))
     assumed = [f"'{s.name}' in {s.unit}{_unit_in_name(s)}" for s in signals if not s.unit_given]
     factors = {}

@@ -39,6 +39,7 @@ def read_recording(
     time: str | None = None,
     dt: float | None = None,
     input_gain: float = 1.0,
+    actuator: int = 1,
     units: Mapping[str, str] = NOT_GIVEN,
     window: TimeWindow | None = None,
     decimate: int = 1,
@@ -82,6 +83,8 @@ def read_recording(
         Sampling interval in s, instead of a time column.
     input_gain : float
         Factor between the recorded input and its unit, e.g. the force constant in N/V with the unit N.
+    actuator : int
+        Mass that the input acts on, counted along the drive train. Outputs without ``@`` are at mass 1 all the same.
     units : mapping of str to str
         Units by column, e.g. ``{"torque": "mN m", "speed": "rpm"}``; they replace those in the header.
         Without any unit SI is assumed: N m and rad, or N and m if another column has a unit of length or force.
@@ -255,6 +258,7 @@ def recording_from(
     time: str | None = None,
     dt: float | None = None,
     input_gain: float = 1.0,
+    actuator: int = 1,
     units: Mapping[str, str] = NOT_GIVEN,
     window: TimeWindow | None = None,
     decimate: int = 1,
@@ -295,7 +299,9 @@ def recording_from(
         lambda indices: np.array([arrays[i] for i in indices]),
     )
     scales = DriveScales(rated, counts, gear, torque_constant)
-    options = ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold, scales, shift)
+    options = ReadingOptions(
+        input, outputs, time, dt, input_gain, actuator, units, window, decimate, hold, scales, shift
+    )
     return _make_recording(table, options)
 
 

@@ -61,7 +61,7 @@ class Signal:
     unit_given : bool
         False where no unit was given and SI was assumed.
     mass : int
-        Mass that an output is measured at, counted from the motor.
+        Mass that an output is measured at, or that the input acts on, counted along the drive train.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.option_texts import LISTS, NUMBERS, TEXTS, pairs, reading_arguments
+from brightgrey.option_texts import LISTS, NUMBERS, TEXTS, WHOLE_NUMBERS, pairs, reading_arguments
 from brightgrey.recordings.read import read_recording, read_stretches
 from brightgrey.recordings.recording import Recording
 
@@ -122,7 +122,7 @@ def checked_options(where: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 def _number(where: str, key: str, value: Any) -> float | int:
     try:
-        return int(value) if key == "decimate" else float(value)
+        return int(value) if key in WHOLE_NUMBERS else float(value)
     except (TypeError, ValueError):
         raise SettingsError(f"{where}: {key} '{value}' is not a number") from None
 

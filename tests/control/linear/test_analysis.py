@@ -13,7 +13,7 @@ from brightgrey.control.linear.operating_point import CONTACTS, contact_mode, tr
 from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.errors import SettingsError
 from brightgrey.excitation.random_drives import random_values
-from brightgrey.kit import PAPER, Linear, assemble
+from brightgrey.kit import PAPER, Linear, Structure, assemble
 from support.drives import VALUES, system_of, values_of
 
 control = pytest.importorskip("control", reason="python-control is not installed")
@@ -90,8 +90,32 @@ def test_trim_point__torque__carries_friction_gravity_and_acceleration():
     point = trim_point(contact_mode(to_twist_coordinates(system), "forward"), 10.0, 50.0)
     friction = 0.9 * np.tanh(2.5 * 10.0) + 0.015 * 10.0
     assert point.u == pytest.approx(50.0 * (J1 + J2) + friction - 1.0, rel=1e-9)
+    alone = trim_point(contact_mode(to_twist_coordinates(system), "gap"), 10.0, 50.0)
+    assert alone.u == pytest.approx(50.0 * J1 + friction - 1.0, rel=1e-9)
+    structure = Structure.parse("two_mass+coulomb+backlash")
+    behind = assemble(structure, values_of(str(structure)), 2.5, actuator=2)  # no torque reaches mass 1
     with pytest.raises(SettingsError, match="no steady motion"):
-        trim_point(contact_mode(to_twist_coordinates(system), "gap"), 10.0, 50.0)
+        trim_point(contact_mode(to_twist_coordinates(behind), "gap"), 10.0)
+
+
+def test_trim_point__open_gap_before_a_load_with_friction__the_load_coasts():
+    values = values_of("two_mass+backlash") | {"M_C@2": 0.9, "f_v@2": 0.015, "M_G@2": 1.0}
+    system = assemble(Structure.parse("two_mass+coulomb@2+viscous@2+gravity@2+backlash"), values, 2.5)
+    mode = contact_mode(to_twist_coordinates(system), "gap")
+    point = trim_point(mode, 10.0)
+    assert point.u == pytest.approx(0.0, abs=1e-12)
+    coasting = mode.derivative(point.z, point.u)[mode.system.state_names.index("v2")]
+    assert coasting == pytest.approx((1.0 - 0.9 * np.tanh(2.5 * 10.0) - 0.015 * 10.0) / J2, rel=1e-9)
+
+
+@pytest.mark.parametrize("masses", ["three_mass", "four_mass"])
+def test_absolute_position__nothing_depends_on_it__no_rounding_is_left_of_it(masses):
+    structure = Structure.parse(f"{masses}+coulomb+viscous")
+    for seed in range(30):
+        values = random_values(structure.parameters, np.random.default_rng(seed))
+        found = analyse_system(assemble(structure, values, 2.5, ("position", "velocity")), speed=1.0)
+        assert not found.depends_on_position
+        assert not found.linear.A[:, found.states.index("q1")].any()
 
 
 def test_controllability__lost_or_nearly_lost_state__is_measured():

@@ -9,6 +9,7 @@ from typing import Any
 
 from brightgrey.app.stages.option_places import in_app_words
 from brightgrey.app.widgets import alert, choice, entry, heading, hint, paragraph, raw, tag
+from brightgrey.option_texts import NUMBERS, WHOLE_NUMBERS
 
 __all__ = ["ChannelTable", "reading_options"]
 
@@ -26,6 +27,7 @@ FURTHER_OPTIONS = {
     "time": ("Column of the time", "Only if it is not found by its name."),
     "dt": ("Sampling interval in s", "Only for files without a column of time."),
     "input_gain": ("Factor of the input", "From the recorded number to its unit."),
+    "actuator": ("Mass that the input acts on", "1, unless a given structure is driven elsewhere."),
     "decimate": ("Use every Nth sample", "For recordings that are sampled much faster than the drive moves."),
     "hold": ("Input between samples", "linear, or zoh if the controller holds it."),
     "torque_constant": ("Torque constant", "Torque per current, like 0.05 N m/A, if the input is a current."),
@@ -205,9 +207,9 @@ def _parsed(name: str, text: str) -> Any:
         return None
     if name in _LISTS:
         return [part.strip() for part in text.split(";") if part.strip()]
-    if name in ("dt", "input_gain", "decimate"):
+    if name in NUMBERS:
         try:
-            return int(text) if name == "decimate" else float(text.replace(",", "."))
+            return int(text) if name in WHOLE_NUMBERS else float(text.replace(",", "."))
         except ValueError:
             return text
     return text

@@ -50,6 +50,16 @@ class RecordingOptions:
             rich_help_panel=RECORDING,
         ),
     ] = 1.0
+    actuator: Annotated[
+        int,
+        typer.Option(
+            "--actuator",
+            min=1,
+            metavar="MASS",
+            help="Mass that the input acts on, for a given structure. A search needs it at mass 1.",
+            rich_help_panel=RECORDING,
+        ),
+    ] = 1
     window: Annotated[
         str | None,
         typer.Option("--window", metavar="A:B", help="Use only the time from A to B in s.", rich_help_panel=RECORDING),

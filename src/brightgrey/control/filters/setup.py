@@ -106,7 +106,7 @@ def prepare(
         raise RecordingError(f"'{name}' is a speed without sign, which no Kalman filter here can use")
     differenced = tuple(kind == "velocity-differenced" for kind in kinds)
     outputs = [signal.simulated for signal in first.outputs]
-    system = assemble(structure, values, _sharpness(first, settings, setup), outputs)
+    system = assemble(structure, values, _sharpness(first, settings, setup), outputs, first.input.mass)
     K = system.batch[0] if system.batch else 1
     each = [first] * K if isinstance(recording, Recording) else list(recording)
     _check_compatible(each, K)

@@ -19,7 +19,7 @@ from brightgrey.control.linear.twist_coordinates import TwistModel
 from brightgrey.control.policy import ANALYSIS
 from brightgrey.effects import Element
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.kit import Linear, StateSpace
+from brightgrey.kit import Linear, Placed, StateSpace
 
 __all__ = ["CONTACTS", "Contact", "ContactMode", "OperatingPoint", "contact_mode", "trim_point"]
 
@@ -58,6 +58,16 @@ class ContactMode:
             ()
             if self.contact == "gap"
             else tuple(e.limits.state for e in self.limited_elements if e.limits is not None)
+        )
+
+    @property
+    def coasting_states(self) -> tuple[int, ...]:
+        """Speeds of the masses behind an open gap."""
+        if self.contact != "gap" or not self.limited_elements:
+            return ()
+        last = min(Placed.parse(e.name).place for e in self.limited_elements)
+        return tuple(
+            i for i, state in enumerate(self.system.states) if state.at_rest == "speed" and int(state.name[1:]) > last
         )
 
     @property
@@ -113,9 +123,8 @@ class OperatingPoint:
     contact_mode: ContactMode
     z: Array  #: State in twist coordinates, shape (m,).
     u: float  #: Input that maintains the motion, N m (N).
-    #: Of all masses, rad/s and rad/s² (m).
-    speed: float
-    acceleration: float
+    speed: float  #: Of all masses, rad/s (m/s).
+    acceleration: float  #: Of all masses, of those before an open gap, rad/s² (m/s²).
     position: float = 0.0  #: Of mass 1, rad (m); it matters only where a load depends on it.
 
     @cached_property
@@ -143,7 +152,8 @@ def trim_point(
 ) -> OperatingPoint:
     """Find the twists, positions in gaps and the input for which all masses have a given speed and acceleration.
 
-    Where a load depends on the position, that holds at the instant at which mass 1 passes it.
+    Where a load depends on the position, that holds at the instant at which mass 1 passes it. No torque reaches the
+    masses behind an open gap: their speed is given, and their acceleration is what friction and loads make of it.
 
     Parameters
     ----------
@@ -158,14 +168,14 @@ def trim_point(
     Raises
     ------
     SettingsError
-        If there is no such motion, for example with an open gap and a load that needs torque.
+        If there is no such motion.
     """
     system = mode.system
     speeds = [i for i, state in enumerate(system.states) if state.at_rest == "speed"]
     fixed = {*speeds, *mode.fixed_states, *(i for i, state in enumerate(system.states) if state.at_rest == "position")}
     free = [i for i in range(len(system.states)) if i not in fixed]
     positions = [i for i, state in enumerate(system.states) if state.at_rest == "position"]
-    rows = [i for i in range(len(system.states)) if i not in positions]
+    rows = [i for i in range(len(system.states)) if i not in (*positions, *mode.coasting_states)]
     wanted = np.zeros(len(system.states))
     wanted[speeds] = acceleration
     z, u = mode.nominal_state(speed, position), 0.0
@@ -186,7 +196,7 @@ def trim_point(
     if not np.all(miss <= ANALYSIS.balance_tolerance * terms.max(initial=1e-300)):
         raise SettingsError(
             f"no steady motion at speed {speed:g} and acceleration {acceleration:g} (SI) with contact "
-            f"'{mode.contact}': no torque reaches the load; choose contact 'forward' or 'backward'"
+            f"'{mode.contact}'; choose another one of {', '.join(CONTACTS)}"
         )
     return OperatingPoint(mode, z, u, speed, acceleration, position)
 

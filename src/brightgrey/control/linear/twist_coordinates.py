@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.control.policy import ANALYSIS
 from brightgrey.effects import State
 from brightgrey.kit import StateSpace
 
@@ -67,11 +68,17 @@ def to_twist_coordinates(system: StateSpace, *, keep_position: bool = False) -> 
 def _depends_on(system: StateSpace, shift: Array) -> bool:
     """True if anything in `system` depends on a common shift of all masses."""
     rows = [system.A, system.C, *(element.H for element in system.elements)]
-    for matrix in rows:
-        size = np.abs(matrix).max(initial=0.0)
-        if np.abs(np.einsum("ij...,j->i...", matrix, shift)).max(initial=0.0) > 1e-9 * size:
-            return True
-    return False
+    return any(bool(_product(matrix, shift[:, None]).any()) for matrix in rows)
+
+
+def _product(matrix: Array, V: Array) -> Array:
+    """Product of `matrix`, shape (rows, n, ...), and V, shape (n, m), without what is rounding.
+
+    The torques of shafts cancel where all masses move alike. A rest of 1e-16 would be a pole that no output sees.
+    """
+    product = np.einsum("ij...,jb->ib...", matrix, V)
+    terms = np.einsum("ij...,jb->ib...", np.abs(matrix), np.abs(V))
+    return np.where(np.abs(product) <= ANALYSIS.rounding * terms, 0.0, product)
 
 
 def _transform(system: StateSpace, W: Array, V: Array, states: tuple[State, ...]) -> StateSpace:
@@ -79,14 +86,13 @@ def _transform(system: StateSpace, W: Array, V: Array, states: tuple[State, ...]
     elements = []
     for e in system.elements:
         limits = e.limits and replace(e.limits, state=names.index(system.states[e.limits.state].name))
-        H = np.einsum("pi...,ik->pk...", e.H, V)
-        elements.append(replace(e, H=H, G=np.einsum("ki,i...->k...", W, e.G), limits=limits))
+        elements.append(replace(e, H=_product(e.H, V), G=np.einsum("ki,i...->k...", W, e.G), limits=limits))
     rows = tuple(names.index(system.states[row].name) if row >= 0 else -1 for row in system.derivative_rows)
     return replace(
         system,
-        A=np.einsum("ai,ij...,jb->ab...", W, system.A, V),
+        A=np.einsum("ai,ib...->ab...", W, _product(system.A, V)),
         B=np.einsum("ai,ij...->aj...", W, system.B),
-        C=np.einsum("oi...,ib->ob...", system.C, V),
+        C=_product(system.C, V),
         elements=tuple(elements),
         states=states,
         derivative_rows=rows,

@@ -112,8 +112,8 @@ def second_opinion(
     Returns
     -------
     tuple of TermOpinion
-        Inertia first. Empty if the first output has no sign, is an acceleration or is not at mass 1, if the recordings
-        are too short for the slowest resonance, or if the motion below it does not even show the inertia.
+        Inertia first. Empty if the first output has no sign, is an acceleration or is not at the driven mass, if the
+        recordings are too short for the slowest resonance, or if the motion below it does not even show the inertia.
     """
     groups = torque_kinds(structure)
     columns: list[list[Array]] = []
@@ -175,7 +175,7 @@ def _motion(recording: Recording, lag: float) -> _Motion | None:
     signal = recording.outputs[0]
     order = KINDS[signal.kind]
     examined = Examined(recording)
-    if order > 1 or signal.kind == "speed" or signal.mass > 1 or not examined.moves:
+    if order > 1 or signal.kind == "speed" or signal.mass != recording.input.mass or not examined.moves:
         return None
     y, noise = recording.y[0], examined.noise[0]
     width = next((w for w in examined.widths if order or examined.is_clean(y, noise, w)), examined.widths[-1])

@@ -20,8 +20,8 @@ __all__ = ["measured_speed", "with_output_feedback"]
 
 
 def measured_speed(recording: Recording) -> Array | None:
-    """Measured speed of mass 1, shape (samples,), noise included; None if neither it nor the position was measured."""
-    kinds = [signal.sensor for signal in recording.outputs]
+    """Measured speed of the driven mass, shape (samples,), noise included; None if it can be had from no output."""
+    kinds = [signal.kind if signal.mass == recording.input.mass else "" for signal in recording.outputs]
     for kind in ("velocity", "velocity-differenced", "position"):
         if kind in kinds:
             y = recording.y[kinds.index(kind)]
@@ -45,7 +45,7 @@ def with_output_feedback(system: StateSpace, recording: Recording, gain: float) 
     speed = measured_speed(recording) if gain else None
     if speed is None:
         return system, recording.u
-    feedback = -gain * np.eye(len(system.states))[system.state_names.index("v1")]
+    feedback = -gain * np.eye(len(system.states))[system.state_names.index(f"v{recording.input.mass}")]
 
     def closed(matrix: Array, column: Array) -> Array:
         """Closed loop for `matrix` (rows, n) of x and `column` (rows,) of u, both perhaps with K sets."""

@@ -125,7 +125,8 @@ def system_for(
     """
     outputs = [signal.simulated for signal in recording.outputs]
     f_tanh = 1.0 / values[FRICTION_WIDTH] if FRICTION_WIDTH in values else settings.f_tanh
-    return assemble(structure, {name: values[name] for name in structure.parameters}, f_tanh, outputs)
+    own = {name: values[name] for name in structure.parameters}
+    return assemble(structure, own, f_tanh, outputs, recording.input.mass)
 
 
 def _truncated(recording: Recording, share: float) -> Recording:
@@ -234,7 +235,7 @@ class SimulationErrorProblem:
         for r, state in zip(self.recordings, self.initial_states, strict=True):
             here = values_in_recording(self.structure, arrays, state.tag)
             own = {name: float(here[name][0]) for name in self.structure.parameters}
-            system = assemble(self.structure, own, f_tanh)
+            system = assemble(self.structure, own, f_tanh, actuator=r.input.mass)
             x0 = state.state(system, float(r.u[0]), arrays)[:, 0]
             found.append(dict(zip(system.state_names, x0.tolist(), strict=True)))
         return tuple(found)

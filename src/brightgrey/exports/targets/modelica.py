@@ -121,6 +121,7 @@ def component_model(numeric: NumericModel) -> str:
             components[name] = (_substitute(drawing.block[0], words), _substitute(drawing.block[1], words))
             equations.append(f"{name}.u = {path}")
             path = f"{name}.y"
+    equations.append(f"connect(motor.flange, mass{numeric.model.input.mass}.flange_a)")
     equations.append(f"motor.{domain['f']} = {path}")
     read = {"position": domain["q"], "velocity": domain["v"], "acceleration": "a"}
     equations += [

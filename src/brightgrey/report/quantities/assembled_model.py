@@ -43,7 +43,7 @@ class AssembledModel:
     def with_values(self, values: Mapping[str, float] | Mapping[str, Array]) -> StateSpace:
         """State-space model with other values of the parameters, SI, each a number or an array of shape (sets,)."""
         kinds = [s.physical for s in self.model.outputs]
-        return assemble(self.model.structure, values, self.settings.f_tanh, kinds)
+        return assemble(self.model.structure, values, self.settings.f_tanh, kinds, self.model.input.mass)
 
     @cached_property
     def analysis(self) -> Analysis | None:

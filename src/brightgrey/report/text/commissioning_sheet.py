@@ -75,16 +75,18 @@ def _inertia_entries(assembled: AssembledModel, correlation: Correlation) -> Ite
     names = [name for name, q in model.structure.parameters.items() if q.dimension == INERTIA]
     word, _, _ = _drive_words(model)
     unit, factor = model.units.of(INERTIA)
+    motor = names[model.input.mass - 1]
+    loads = [name for name in names if name != motor]
 
     def quantities(sets: Mapping[str, Array]) -> Array:
-        load = sum((sets[name] for name in names[1:]), start=np.zeros_like(sets[names[0]]))
-        return np.array([(sets[names[0]] + load) * factor, load / sets[names[0]]])
+        load = sum((sets[name] for name in loads), start=np.zeros_like(sets[motor]))
+        return np.array([(sets[motor] + load) * factor, load / sets[motor]])
 
     (total, ratio), ends = _values_of(assembled, quantities), intervals(assembled, correlation, quantities)
     yield SheetEntry(f"total {word}", total, unit, ends[0], " + ".join(names))
-    if len(names) > 1:
-        load = " + ".join(names[1:])
-        note = f"({load}) / {names[0]}" if len(names) > 2 else f"{load} / {names[0]}"
+    if loads:
+        load = " + ".join(loads)
+        note = f"({load}) / {motor}" if len(loads) > 1 else f"{load} / {motor}"
         yield SheetEntry(f"{word} ratio, load to motor", ratio, "", ends[1], note)
 
 

@@ -81,7 +81,7 @@ class DriveEquations:
         """Torque on each mass without its friction, which holds it against this torque while it sticks."""
         p, n = self.plant, self.plant.masses
         on, q = [0.0] * n, y[0]
-        on[0] = u if p.T_1 is None else y[2 * n]
+        on[p.actuator - 1] = u if p.T_1 is None else y[2 * n]
         for k in range(n):
             on[k] += p.loads[k].of_position(q)
             if k + 1 < n:

@@ -57,16 +57,18 @@ class FixedStepSolution:
 def _pack(plant: Plant, step: float) -> tuple[Array, Array]:
     """Pack the numbers of a plant for the compiled functions, those of the drive and those of its masses, one row each.
 
-    Drive: 0: masses, 1/T_1 or 0, 2 alpha, number of the shaft with the gap, f_tanh; 5: c; 8: d; 11: hardening.
+    Drive: 0: masses, 1/T_1 or 0, 2 alpha, number of the shaft with the gap, f_tanh; 5: c; 8: d; 11: hardening;
+    14: the mass that the input acts on.
     Mass: 0: 1/J, f_v, M_C, M_S, 1/omega_S; 5: f_d, M_G, c_g, G, k, phi_0; 11: the speed that counts as rest if the mass
     can stick, else -1.
     """
-    p = np.zeros(14)
+    p = np.zeros(15)
     p[:2] = plant.masses, 0.0 if plant.T_1 is None else 1.0 / plant.T_1
     p[2:5] = 2.0 * (plant.alpha or 0.0), plant.gap_at, plant.f_tanh
     p[5 : 5 + len(plant.c)] = plant.c
     p[8 : 8 + len(plant.d)] = plant.d
     p[11 : 11 + len(plant.hardening)] = plant.hardening
+    p[14] = plant.actuator - 1
     rows = []
     for J, load, can_stick in zip(plant.J, plant.loads, plant.sticks, strict=True):
         still = STILL * load.breakaway / J * step if can_stick else -1.0
@@ -95,12 +97,15 @@ def _state_rates(x: Array, mode: int, slide: Any, u: float, p: Array, loads: Arr
     Friction of a direction continues smoothly where a trial step passes rest.
     """
     n, gap_at = int(p[0]), int(p[3])
-    torque = u
+    driving, driven = u, int(p[14])
     if p[1] > 0.0:
-        torque = x[2 * n]
-        out[2 * n] = (u - torque) * p[1]
+        driving = x[2 * n]
+        out[2 * n] = (u - driving) * p[1]
+    torque = 0.0
     for i in range(n):
         a, v = loads[i], x[n + i]
+        if i == driven:
+            torque += driving
         torque += a[6] - a[1] * v
         if a[5] != 0.0:
             torque -= a[5] * abs(v)

@@ -81,6 +81,7 @@ class Plant:
     alpha: float | None  #: Half the gap in rad; None without backlash.
     T_1: float | None  #: Reset time of the current loop in s; None without it.
     T_d: float  #: Dead time of the input in s.
+    actuator: int = 1  #: Mass that the input acts on, counted from 1.
 
     @property
     def masses(self) -> int:
@@ -120,8 +121,8 @@ class Plant:
         return max(rates)
 
     @classmethod
-    def of(cls, structure: str, values: Mapping[str, float], f_tanh: float) -> Plant:
-        """Read a structure such as ``two_mass+coulomb@2`` and its parameter values.
+    def of(cls, structure: str, values: Mapping[str, float], f_tanh: float, actuator: int = 1) -> Plant:
+        """Read a structure such as ``two_mass+coulomb@2``, its parameter values and the mass that the input acts on.
 
         Raises
         ------
@@ -129,13 +130,15 @@ class Plant:
             For an unknown effect, not exactly one multiple-mass system, or more than one gap.
         SettingsError
             For a missing or unknown parameter, or a value that is not physical; for exact dry friction that would
-            push at standstill instead of holding.
+            push at standstill instead of holding; for an actuator at a mass that is not there.
         """
         placed = [_placed(text) for text in structure.split("+")]
         chains = [name for name, _ in placed if name in _MASSES]
         if len(chains) != 1 or len(set(placed)) != len(placed):
             raise StructureError(f"'{structure}': exactly one of {', '.join(_MASSES)}, and no effect twice")
         n = _MASSES[chains[0]]
+        if not 1 <= actuator <= n:
+            raise SettingsError(f"actuator at mass {actuator}: '{structure}' has masses 1 to {n}")
         gaps = [place for name, place in placed if name == "backlash"]
         if len(gaps) > 1:
             raise StructureError(f"'{structure}': the reference solves one gap at most")
@@ -168,6 +171,7 @@ class Plant:
             alpha=float(values[_at("alpha", gaps[0])]) if gaps else None,
             T_1=float(values["T_1"]) if "T_1" in has else None,
             T_d=float(values["T_d"]) if "T_d" in has else 0.0,
+            actuator=actuator,
         )
         for i, (can_stick, own) in enumerate(zip(plant.sticks, plant.loads, strict=True)):
             if can_stick and own.breakaway < 0.0:

@@ -54,6 +54,7 @@ def reference(
     x0: Array | None = None,
     hold: Hold = "linear",
     outputs: Sequence[str] = ("velocity",),
+    actuator: int = 1,
     method: Method = "fixed",
 ) -> Array:
     """Response of a structure, accurate to about 1e-8 of its peak.
@@ -77,6 +78,8 @@ def reference(
         Input between the samples.
     outputs : sequence of str
         ``position``, ``velocity``, ``acceleration`` of mass 1, or any state by name (``q2``, ``lambda1``).
+    actuator : int
+        Mass that the input acts on.
     method : {'fixed', 'events'}
         The same equations, written down twice: in `fixed_step` and in `adaptive`. 'events' takes longer.
 
@@ -91,7 +94,7 @@ def reference(
     UnsettledError
         If the solution does not settle when the step is halved, or leaves the finite numbers.
     """
-    plant = Plant.of(str(structure), values, f_tanh)
+    plant = Plant.of(str(structure), values, f_tanh, actuator)
     if one_of("method", method, get_args(Method)) == "fixed":
         solution = _fixed(plant, u, dt, x0, hold)
         if not solution.change <= REFERENCE_TOLERANCES.unsettled:
@@ -115,6 +118,7 @@ def compare_solvers(
     x0: Array | None = None,
     hold: Hold = "linear",
     outputs: Sequence[str] = ("position", "velocity", "acceleration"),
+    actuator: int = 1,
     both: bool = True,
 ) -> SolverAgreement:
     """Solve by both methods, and twice more with the input changed by 1e-9 of its peak.
@@ -132,7 +136,7 @@ def compare_solvers(
     UnsettledError
         If a solution leaves the finite numbers.
     """
-    plant = Plant.of(str(structure), values, f_tanh)
+    plant = Plant.of(str(structure), values, f_tanh, actuator)
     u = np.asarray(u, dtype=float)
     solution = _fixed(plant, u, dt, x0, hold)
     found = solution.trajectory
