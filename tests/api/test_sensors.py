@@ -77,3 +77,17 @@ def test_sensor__mass_that_is_not_there__is_refused():
     recording = recorded("two_mass+coulomb+viscous", VALUES, ("v2",), 0.01, ("velocity@2",))
     with pytest.raises(SettingsError, match=r"output 'velocity@2': 'one_mass\+viscous' has mass 1 only"):
         identify(recording, "one_mass+viscous")
+
+
+def test_search__masses_that_a_sensor_needs_are_excluded__says_which_sensor():
+    recording = recorded("two_mass+coulomb+viscous", VALUES, ("v1", "v2"), 0.01, ("velocity", "velocity@2"))
+    with pytest.raises(SettingsError, match="'two_mass' is excluded, and 'y1' is measured at mass 2"):
+        identify(recording, exclude=["two_mass"])
+
+
+def test_profile__unknown_parameter__is_refused_before_the_fit():
+    recording = recorded("two_mass+coulomb+viscous", VALUES, ("v1",), 0.01, ("velocity",))
+    with pytest.raises(SettingsError, match="unknown estimated parameter 'J9'"):
+        identify(recording, "two_mass", profile=["J9"])
+    with pytest.raises(SettingsError, match="expected: several parameters"):
+        identify(recording, "two_mass", per_recording="f_v")

@@ -24,7 +24,7 @@ def test_placed__place_one__is_omitted_in_names():
     structure = Structure.parse("two_mass+coulomb@1+coulomb@2")
     assert structure.names == ("two_mass", "coulomb", "coulomb@2")
     assert list(structure.parameters) == ["J1", "J2", "c1", "d1", "M_C", "M_C@2"]
-    assert Placed.parse("coulomb@2") == Placed("coulomb", 2)
+    assert Placed.parse("coulomb@2") == Placed.parse(" coulomb @ 2 ") == Placed("coulomb", 2)
 
 
 def test_structure__masses__counted_from_the_declarations():

@@ -190,3 +190,12 @@ def test_decimate__differenced_velocity__is_differenced_over_the_new_interval() 
 def test_recording__sizes_that_no_computer_can_square__are_refused(gain: float, dt: float) -> None:
     with pytest.raises(BrightgreyError, match=r"'u' reaches .* no drive does|steps of .* are absurd"):
         make(gain * U, U, dt=dt)
+
+
+def test_recording__speed_without_sign__is_not_negative_but_for_noise() -> None:
+    noisy = np.abs(np.cumsum(U)) + 0.01 * np.abs(np.cumsum(U)).max() * U
+    assert make(U, noisy, kind="speed").outputs[0].kind == "speed"
+    with pytest.raises(
+        BrightgreyError, match=r"50 % of its samples are negative, down to -1 rad/s; name it .*:velocity"
+    ):
+        make(U, np.where(np.arange(N) % 2, 1.0, -1.0), kind="speed")

@@ -1,6 +1,6 @@
 """Masses in a row, coupled by springs and dampers: the declaration that the four multiple-mass effects share.
 
-Paper section 2.1 and eq. (1), (7), (8). The motor's torque and the sensor are at mass 1.
+Paper section 2.1 and eq. (1), (7), (8).
 """
 
 from __future__ import annotations
@@ -87,7 +87,10 @@ def mass_chain(name: str, masses: int) -> Effect:
         number=masses,
         title=f"{name.split('_')[0].capitalize()}-mass system",
         words=("one mass", "a second mass", "a third mass", "a fourth mass")[masses - 1],
-        about=f"{masses} inert mass{'es' if masses > 1 else ''}{coupled}; motor and sensor at mass 1.",
+        about=(
+            f"{masses} inert mass{'es' if masses > 1 else ''}{coupled}. Input and sensors are at mass 1 unless the "
+            "recording says otherwise."
+        ),
         matters=(
             "the load or the structure resonates within the bandwidth of the speed loop"
             if masses > 1

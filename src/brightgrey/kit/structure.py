@@ -42,7 +42,7 @@ class Placed:
         StructureError
             For an unknown effect or a place that is not a whole number from 1 to 999.
         """
-        name, at, place = text.strip().partition("@")
+        name, at, place = (part.strip() for part in text.partition("@"))
         if name not in registry():
             raise StructureError(unknown_name("effect", name, registry()))
         if at and not re.fullmatch("0*[1-9][0-9]{0,2}", place):

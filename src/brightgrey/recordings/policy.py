@@ -29,6 +29,8 @@ class ReadingPolicy:
     absurd: float = 1e30
     """Size of a number, in the unit of its column and in SI, that no sensor measures. The inverse bounds the largest
     value of a channel from below, and both bound the sampling interval in s."""
+    negative_speed: float = 0.1
+    """Part of its largest value by which the noise of a speed without sign may make it negative."""
     max_repaired: float = 0.01
     """Largest part of the samples (but at least one sample) that may be interpolated or left out."""
     window_slack: float = 0.01

@@ -75,8 +75,9 @@ def read_recording(
         ``1``, ``2``, ...; a whole number that is no column's name counts the columns in any file.
     outputs : str or sequence of str or of (name, kind)
         Columns of the motion with their kind, ``name:kind``. Kinds are position, velocity,
-        velocity-differenced (made by differencing an encoder) and acceleration. A kind that is not given follows
-        from the unit or the name.
+        velocity-differenced (made by differencing an encoder), speed (a magnitude without sign) and acceleration. A
+        kind that is not given follows from the unit or the name. A sensor at another mass than the first is
+        ``load:velocity@2``, or ``("load", "velocity@2")``.
     time : str, optional
         Column of the time; by default the column called t, time, time_s, Time [ms] or the like.
     dt : float, optional

@@ -129,7 +129,7 @@ def decide_structures(
     names = [str(p) for p in grammar.whole.placed]
     for name in (*require, *exclude):
         one_of("effect", name, names)
-    require = (*require, *_masses_with_sensors(task, grammar))
+    require = (*require, *_masses_with_sensors(task, grammar, exclude))
     Lattice.of(grammar.whole, require)  # says so if two of them exclude each other
     kept = [Placed.parse(name) for name in require]
     further = [p for p in grammar.further if not (is_excluded(p, exclude) or any(p.excludes(q) for q in kept))]
@@ -184,12 +184,16 @@ def _progress_of(search: BorderSearch, step: SearchProgress) -> SearchProgress:
     return replace(known, border=BorderProgress(len(minimal) + len(refuted), left, minimal, refuted, search.most_fits))
 
 
-def _masses_with_sensors(task: IdentificationTask, grammar: Grammar) -> tuple[str, ...]:
+def _masses_with_sensors(task: IdentificationTask, grammar: Grammar, exclude: Sequence[str]) -> tuple[str, ...]:
     """Multiple-mass system with as many masses as sensors need; nothing for sensors at mass 1."""
-    last = max(signal.mass for signal in task.recordings[0].outputs)
+    farthest = max(task.recordings[0].outputs, key=lambda signal: signal.mass)
+    last = farthest.mass
     found = tuple(p.name for p in grammar.placed if p.effect.masses == last)
     if not found:
         raise SettingsError(f"a sensor is at mass {last}; the function set '{grammar.name}' has no drive with so many")
+    for name in exclude:
+        if 1 < Placed.parse(name).effect.masses <= last:
+            raise SettingsError(f"'{name}' is excluded, and '{farthest.name}' is measured at mass {last}")
     return found if last > 1 else ()
 
 

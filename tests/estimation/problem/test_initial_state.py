@@ -150,3 +150,17 @@ def test_initial__unknown_name__is_refused():
     assert one_of("initial state", "rest", INITIALS) == "rest"
     with pytest.raises(SettingsError, match="Did you mean 'rest'"):
         one_of("initial state", "restt", INITIALS)
+
+
+def test_initial_estimated__position_beside_a_speed_without_sign__allows_what_the_position_does():
+    """The speed is that of the position: that of the finer sensor says nothing of its error."""
+    alone = drive(0.0, 0.0)
+    position = np.cumsum(alone.y[0]) * DT + 0.01 * np.random.default_rng(1).standard_normal(alone.samples)
+    only = make_recording(alone.u, position, dt=DT, kind="position")
+    both = make_recording(alone.u, np.array([position, np.abs(alone.y[0])]), dt=DT, kind=["position", "speed"])
+    ranges = [
+        next((n.low, n.high) for n in InitialState.of(r, "estimated").unknown if n.name == "speed(0)")
+        for r in (only, both)
+    ]
+    assert ranges[1] == pytest.approx(ranges[0])
+    assert ranges[0][0] < 0.0 < ranges[0][1]

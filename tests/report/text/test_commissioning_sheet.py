@@ -6,7 +6,7 @@ import pytest
 from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.report.quantities.propagation import intervals, parameter_draws
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
-from support.models import TOP, VALUES, independent, model_with_intervals
+from support.models import TOP, VALUES, independent, model_with_intervals, random_model
 
 
 def entries(model, correlation=None):
@@ -39,6 +39,23 @@ def test_sheet__linear_axis__has_its_words_and_units():
     assert found["friction force at standstill"].unit == "N"
     assert found["backlash at the load (whole gap)"].value == pytest.approx(2e3 * VALUES["alpha"])
     assert found["backlash at the load (whole gap)"].unit == "mm"
+
+
+def test_sheet__friction_that_differs_by_direction__is_given_for_both():
+    model = random_model("one_mass+viscous+directional_viscous", 3)
+    found, top = entries(model), model.settings_si().speed_scale
+    f_v, f_d = (model.values_si()[name] for name in ("f_v", "f_d"))
+    by_direction = {name.rpartition(", ")[2]: entry.value for name, entry in found.items() if "ward" in name}
+    assert by_direction == pytest.approx({"forward": (f_v + f_d) * top, "backward": (f_v - f_d) * top})
+
+
+def test_sheet__load_of_the_position__says_where_its_resonance_holds():
+    found = entries(random_model("one_mass+ground_spring", 3))
+    assert found["resonance frequency"].note == ""
+    found = entries(random_model("two_mass+pendulum", 3, kinds=("position",)))
+    assert {e.note for name, e in found.items() if name.startswith("resonance") and name.endswith("frequency")} == {
+        "at position 0; elsewhere it is another one"
+    }
 
 
 def test_sheet__one_mass__lists_nothing_else():

@@ -94,7 +94,7 @@ class FurtherEstimationOptions:
             "--per-recording",
             metavar="NAME,NAME",
             help="Parameters that may differ between the recordings, like f_v,M_C of a cold and a warm drive. "
-            "The model has their mean.",
+            "The model has their mean, of logarithms where it is always positive.",
             rich_help_panel=ESTIMATION,
         ),
     ] = None

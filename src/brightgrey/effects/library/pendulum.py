@@ -57,8 +57,9 @@ EFFECT = Effect(
     words="a position-dependent load",
     about=(
         "Gravity on an arm or an eccentric load, or another load that is a sine of the position, like the cogging of "
-        "a motor or the ripple of a screw. The factor k turns the position into the angle of the arm: 1 where the "
-        "position is that angle. The load repeats every 2 π / k. On a short way it is a constant torque and a spring."
+        "a motor or the ripple of a screw. The factor k turns the position into the angle of the arm in rad. Where the "
+        "position is that angle, k is 1 in rad, 0.01745 in degrees and 6.283 in turns. The load repeats every 2 π / k. "
+        "On a short way it is a constant torque and a spring."
     ),
     in_linear_axis=(
         "A linear axis has no arm whose gravity this could be. The term stands for a force that varies along the "

@@ -259,12 +259,16 @@ def _acceleration_twists(system: StateSpace, torque: float, speeds: list[int], p
 
 
 def _first_speed_std(recording: Recording, noise: Array, options: InitialStateOptions) -> float:
-    """Standard deviation of the speed by the first samples, of the output with the least one."""
+    """Standard deviation of the speed by the first samples, of the output with the least one.
+
+    A speed without sign counts only where no other output tells the motion: it is not the speed that is known.
+    """
+    signed = any(KINDS[s.kind] < 2 and s.kind != "speed" for s in recording.outputs)
     found = [np.inf]
     for signal, sigma in zip(recording.outputs, noise.tolist(), strict=True):
         if signal.kind == "position":
             found.append(options.intercept_std * sigma * np.sqrt(12.0 / options.first_samples**3) / recording.dt)
-        elif signal.kind != "acceleration":
+        elif signal.kind != "acceleration" and not (signed and signal.kind == "speed"):
             found.append(options.intercept_std * sigma / np.sqrt(options.first_samples))
     least = min(found)
     return float(least) if np.isfinite(least) else 0.0

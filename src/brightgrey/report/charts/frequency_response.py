@@ -60,11 +60,12 @@ def response_chart(assembled: AssembledModel, traces: Sequence[Trace]) -> tuple[
     analysis, model = assembled.analysis, assembled.model
     if analysis is None or not traces:
         return ()
-    return tuple(_bode_chart(model, analysis, traces, row) for row in range(len(model.outputs)))
+    return tuple(_bode_chart(assembled, analysis, traces, row) for row in range(len(model.outputs)))
 
 
-def _bode_chart(model: Model, analysis: Analysis, traces: Sequence[Trace], row: int) -> Chart:
-    trace, dt = traces[0], model.settings.sampling_time
+def _bode_chart(assembled: AssembledModel, analysis: Analysis, traces: Sequence[Trace], row: int) -> Chart:
+    model, trace = assembled.model, traces[0]
+    dt = model.settings.sampling_time
     low, high = 1.0 / (trace.t[-1] - trace.t[0]), 0.5 / dt
     modes = [*analysis.resonances, *analysis.antiresonances(row)]
     o = REPORT_OPTIONS
@@ -92,7 +93,7 @@ def _bode_chart(model: Model, analysis: Analysis, traces: Sequence[Trace], row: 
         Panel(f"gain in\n{unit}", tuple(gains), marks=inside, x_log=True, y_log=True, title=model.outputs[row].name),
         Panel("phase in degrees", tuple(phases), "frequency in Hz", x_log=True, height=0.6, marks=_unnamed(inside)),
     )
-    return Chart("frequency", panels, _caption(model, analysis, len(gains) > 1))
+    return Chart("frequency", panels, _caption(assembled, analysis, measured=len(gains) > 1))
 
 
 def _unnamed(marks: tuple[Mark, ...]) -> tuple[Mark, ...]:
@@ -106,9 +107,11 @@ def _differencing_response(model: Model, row: int, f: Array, dt: float) -> Compl
     return np.asarray(np.sinc(f * dt) * np.exp(-1j * np.pi * f * dt))
 
 
-def _caption(model: Model, analysis: Analysis, measured: bool) -> str:
-    unit, factor = model.units.of(SPEED)
+def _caption(assembled: AssembledModel, analysis: Analysis, *, measured: bool) -> str:
+    unit, factor = assembled.model.units.of(SPEED)
     text = f"Model linearised in steady motion at {significant(analysis.operating_point.speed * factor, 3)} {unit}"
+    if assembled.varies_with_position:
+        text += f" past position 0, where it is {analysis.stability}; elsewhere the resonances are others"
     text += ", the gap closed." if analysis.operating_point.contact_mode.limited_elements else "."
     if analysis.resonances:
         text += " Dotted lines mark resonances and antiresonances."

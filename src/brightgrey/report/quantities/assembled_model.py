@@ -25,6 +25,11 @@ class AssembledModel:
 
     model: Model
 
+    @property
+    def varies_with_position(self) -> bool:
+        """True if a load is a sine of the position: the linear model holds at one position."""
+        return any(p.effect.search.wave is not None for p in self.model.structure.placed)
+
     @cached_property
     def settings(self) -> Settings:
         """Settings of the simulation, SI."""

@@ -103,7 +103,8 @@ def _oscillation_entries(assembled: AssembledModel) -> Iterator[SheetEntry]:
     for word, modes in (("resonance", analysis.resonances), ("antiresonance", analysis.antiresonances())):
         for number, mode in enumerate(modes, start=1):
             which = word if len(modes) == 1 else f"{word} {number}"
-            yield SheetEntry(f"{which} frequency", mode.frequency, "Hz")
+            note = "at position 0; elsewhere it is another one" if assembled.varies_with_position else ""
+            yield SheetEntry(f"{which} frequency", mode.frequency, "Hz", note=note)
             yield SheetEntry(f"{which}, damping ratio", mode.damping, "")
 
 
@@ -119,15 +120,20 @@ def _friction_entries(assembled: AssembledModel, correlation: Correlation) -> It
         def quantities(sets: Mapping[str, Array], mass: int = mass) -> Array:
             elements = friction_elements(assembled.with_values(sets))[mass]
             still = friction_at(elements, np.zeros(1), standstill=True)
-            turning = friction_at(elements, np.array([top]))
+            forward, backward = (np.sign(v) * friction_at(elements, np.array([v])) for v in (top, -top))
             shape = (1, len(next(iter(sets.values()))))
-            return np.concatenate([np.broadcast_to(part * factor, shape) for part in (still, turning)])
+            return np.concatenate([np.broadcast_to(part * factor, shape) for part in (still, forward, backward)])
 
         values, ends = _values_of(assembled, quantities), intervals(assembled, correlation, quantities)
         where = "" if len(masses) == 1 else f" of mass {mass}"
         at = f"at {significant(top * per_speed, 3)} {speed_unit}"
         yield SheetEntry(f"{word}{where} at standstill", values[0], unit, ends[0], "as the speed goes to zero")
-        yield SheetEntry(f"{word}{where} {at}", values[1], unit, ends[1], "largest speed of the recording")
+        if np.isclose(values[1], values[2], rtol=1e-9):
+            yield SheetEntry(f"{word}{where} {at}", values[1], unit, ends[1], "largest speed of the recording")
+            continue
+        for which, value, interval in zip(("forward", "backward"), values[1:], ends[1:], strict=True):
+            note = f"largest speed of the recording, {which}"
+            yield SheetEntry(f"{word}{where} {at}, {which}", value, unit, interval, note)
 
 
 def _constant_load_entries(model: Model) -> Iterator[SheetEntry]:

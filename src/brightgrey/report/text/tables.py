@@ -109,7 +109,10 @@ def differing_values(model: Model) -> list[str]:
             shown.append(f"{value} ± {half} in {own.recording}" if half else f"{value} in {own.recording}")
         if shown:
             listed = f"{name} by recording, in {part.unit}: {', '.join(shown)}."
-            texts.append(f"{sentence(with_meanings(listed, model.structure))} The value above is their mean.")
+            texts.append(
+                f"{sentence(with_meanings(listed, model.structure))}"
+                " The value above is their mean, of logarithms where it is always positive."
+            )
     return texts
 
 
@@ -186,7 +189,7 @@ def remarks(model: Model) -> list[str]:
         if part.profile:
             ends = " … ".join("open" if end is None else significant(end, 4) for end in part.profile.ci95)
             out.append(f"{sentence(part.profile.text)} Its 95 % interval is {ends} {part.unit}.")
-    # Parameters at a bound are named above already.
-    found = [finding.text for finding in model.outcome.findings if finding.kind != "at bound"]
+    # Parameters at a bound are named above already; initial states and the like are no rows.
+    found = [f.text for f in model.outcome.findings if f.kind != "at bound" or not set(f.parameters) <= set(units)]
     out += [sentence(with_meanings(text, model.structure)) for text in found]
     return out if model.is_rotary else [with_forces(text) for text in out]
