@@ -1,11 +1,14 @@
 """Sensors at other masses than the first, and speeds without sign."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from brightgrey import Model, design, identify, recording_from, simulate
 from brightgrey.errors import RecordingError, SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.recordings import Signal
 from brightgrey.simulation.reference import reference
 from support.models import random_model
 
@@ -85,9 +88,32 @@ def test_search__masses_that_a_sensor_needs_are_excluded__says_which_sensor():
         identify(recording, exclude=["two_mass"])
 
 
+def test_search__effect_that_it_does_not_offer__says_so():
+    recording = recorded("two_mass+coulomb+viscous", VALUES, ("v1",), 0.01, ("velocity",))
+    with pytest.raises(SettingsError, match="the function set 'drive' does not offer 'gravity@2'"):
+        identify(recording, require=["gravity@2"])
+    with pytest.raises(SettingsError, match="Did you mean 'coulomb'"):
+        identify(recording, require=["colomb"])
+
+
+@pytest.mark.parametrize("mass", [0, -1, "2", 1.5])
+def test_signal__mass_that_is_no_count__is_refused(mass):
+    with pytest.raises(RecordingError, match="expected a whole number from 1"):
+        Signal("v", "velocity", "rad/s", mass=mass)
+
+
 def test_profile__unknown_parameter__is_refused_before_the_fit():
     recording = recorded("two_mass+coulomb+viscous", VALUES, ("v1",), 0.01, ("velocity",))
     with pytest.raises(SettingsError, match="unknown estimated parameter 'J9'"):
         identify(recording, "two_mass", profile=["J9"])
     with pytest.raises(SettingsError, match="expected: several parameters"):
         identify(recording, "two_mass", per_recording="f_v")
+
+
+def test_simulate__recording_with_values_of_its_own__says_that_the_mean_is_taken():
+    first = recorded("two_mass+coulomb+viscous", VALUES, ("v1",), 0.01, ("velocity",))
+    second = recorded("two_mass+coulomb+viscous", VALUES | {"f_v": 0.012}, ("v1",), 0.01, ("velocity",))
+    warm, cold = replace(first, name="warm"), replace(second, name="cold")
+    model = identify([warm, cold], "two_mass+coulomb+viscous", per_recording=["f_v"], level="fast").model
+    assert simulate(model, cold).notes[-1] == "cold: it was fitted with its own f_v, and is simulated with their mean"
+    assert not [note for note in simulate(model, first).notes if "its own" in note]

@@ -82,7 +82,19 @@ def simulate(model: Model, recording: Recording) -> Simulation:
     trace = Trace.of(recording, simulated)
     time = parting_time(model.structure, model.values_si(), recording, settings)
     unstable = () if time is None else (f"{recording.name}: {parting_text(time)}",)
-    return Simulation(model, trace, pooled_fit([trace]), (*recording.notes, *unstable))
+    return Simulation(model, trace, pooled_fit([trace]), (*recording.notes, *_own_values(model, recording), *unstable))
+
+
+def _own_values(model: Model, recording: Recording) -> tuple[str, ...]:
+    """Note on parameters that had values of their own in a recording when the model was identified."""
+    names = [
+        name
+        for name, part in model.parameters.items()
+        if any(own.recording == recording.name for own in part.in_recordings or ())
+    ]
+    if not names:
+        return ()
+    return (f"{recording.name}: it was fitted with its own {', '.join(names)}, and is simulated with their mean",)
 
 
 @checked_arguments

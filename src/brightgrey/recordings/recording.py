@@ -7,6 +7,7 @@ import html
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from numbers import Integral
 from typing import Any, Literal
 
 import numpy as np
@@ -66,7 +67,7 @@ class Signal:
     Raises
     ------
     RecordingError
-        For an unknown kind or unit.
+        For an unknown kind or unit, or a mass that is no whole number from 1.
     """
 
     name: str
@@ -79,6 +80,8 @@ class Signal:
     def __post_init__(self) -> None:
         if self.kind != "input":
             check_kind(self.kind)
+        if not (isinstance(self.mass, Integral) and self.mass >= 1):
+            raise RecordingError(f"'{self.name}' is at mass {self.mass!r}; expected a whole number from 1")
         object.__setattr__(self, "unit", parse_unit(self.unit).text)
 
     @property

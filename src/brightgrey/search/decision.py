@@ -14,7 +14,7 @@ from brightgrey.arrays import positive
 from brightgrey.errors import SettingsError, one_of
 from brightgrey.estimation.optimisation.least_squares import polish
 from brightgrey.estimation.uncertainty.estimates import estimates_of
-from brightgrey.kit import Grammar, Placed, Structure
+from brightgrey.kit import Grammar, Placed, Structure, function_set
 from brightgrey.search.border import Border, Refutation
 from brightgrey.search.border_search import BorderRefit, BorderSearch
 from brightgrey.search.certificate import Certificate, RefutedStructure
@@ -128,6 +128,10 @@ def decide_structures(
     """
     names = [str(p) for p in grammar.whole.placed]
     for name in (*require, *exclude):
+        if name not in names and name.partition("@")[0] in function_set().places:
+            raise SettingsError(
+                f"the function set '{grammar.name}' does not offer '{name}'; a given structure may have it"
+            )
         one_of("effect", name, names)
     require = (*require, *_masses_with_sensors(task, grammar, exclude))
     Lattice.of(grammar.whole, require)  # says so if two of them exclude each other

@@ -146,7 +146,8 @@ def _constant_load_entries(model: Model) -> Iterator[SheetEntry]:
                 name = placed.parameter(symbol)
                 part = model.parameters[name]
                 note = f"{name}, positive in the direction of positive motion"
-                yield SheetEntry(word, part.value, part.unit, part.ci95, note)
+                where = "" if placed.place == 1 else f" at mass {placed.place}"
+                yield SheetEntry(f"{word}{where}", part.value, part.unit, part.ci95, note)
 
 
 def _gap_entries(assembled: AssembledModel) -> Iterator[SheetEntry]:
@@ -160,7 +161,9 @@ def _gap_entries(assembled: AssembledModel) -> Iterator[SheetEntry]:
             ends = model.parameters[name].ci95
             share = width / model.parameters[name].value
             interval = None if ends is None else (share * ends[0], share * ends[1])
-            yield SheetEntry("backlash at the load (whole gap)", width, unit, interval, f"{share:g} {name}")
+            place = model.placed(e).place
+            where = "at the load" if model.structure.masses == 2 else f"between masses {place} and {place + 1}"
+            yield SheetEntry(f"backlash {where} (whole gap)", width, unit, interval, f"{share:g} {name}")
 
 
 def _delay_entries(model: Model) -> Iterator[SheetEntry]:
