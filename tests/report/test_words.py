@@ -225,6 +225,12 @@ def test_next_steps__model_with_a_parameter_at_its_bound__is_told_first():
     assert not any("--" in step.text for step in steps)  # a page without a command line shows the text alone
 
 
+@pytest.mark.parametrize(("actuator", "command"), [(1, "brightgrey control"), (2, "brightgrey analyse")])
+def test_next_steps__input_at_another_mass__names_no_command_that_refuses_it(actuator, command):
+    (*_, last) = next_steps(Content(random_model("two_mass", 1, actuator=actuator), []))
+    assert last.commands[0].startswith(command)
+
+
 def test_next_steps__parameter_of_a_negligible_effect__is_not_given_room():
     model = model_with_intervals("one_mass+coulomb")
     parts = dict(model.parameters)

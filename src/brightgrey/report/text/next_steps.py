@@ -149,9 +149,12 @@ def _of_use(content: Content) -> Iterator[NextStep]:
             ("brightgrey selftest DIR --fast",),
             "selftest",
         )
+    what, command = "Design a controller", "control"
+    if content.model.input.mass > 1:  # a cascade is designed for an input at mass 1
+        what, command = "Look at its poles and resonances", "analyse"
     yield NextStep(
         "Use the model",
-        "Design a controller, or write the model for other tools.",
-        ("brightgrey control model.json", "brightgrey export model.json --to fmu"),
+        f"{what}, or write the model for other tools.",
+        (f"brightgrey {command} model.json", "brightgrey export model.json --to fmu"),
         "hand-over",
     )
