@@ -2,6 +2,7 @@
 
 import copy
 import json
+import pickle
 import re
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 
 from brightgrey.errors import BrightgreyError, SettingsError
 from brightgrey.model.model import Model, load_model
+from support.models import random_model
 
 DOC = Path(__file__).parents[2] / "docs" / "reference" / "model-json.md"
 
@@ -169,3 +171,22 @@ def test_model__is_frozen(example):
     model = Model.check(example)
     with pytest.raises(ValueError, match="frozen"):
         model.seed = 1
+
+
+def test_model__changes__are_refused():
+    model = random_model("two_mass+coulomb", 1)
+    changes = (
+        lambda: model.parameters.pop("J1"),
+        lambda: model.parameters.update(J1=model.parameters["J2"]),
+        lambda: model.settings.bounds.__setitem__("J1", (0.0, 1.0)),
+        lambda: model.settings.fixed.__ior__({"J1": 1.0}),
+        lambda: model.fit.train.clear(),
+    )
+    for change in changes:
+        with pytest.raises(TypeError, match="a model cannot be changed"):
+            change()
+    for copied in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model), Model.check(model.model_dump(mode="json"))):
+        assert copied == model
+        assert hash(copied) == hash(model)
+        with pytest.raises(TypeError, match="a model cannot be changed"):
+            copied.parameters.clear()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import json
 import math
-from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -29,6 +28,7 @@ from brightgrey.model.schema import (
     OutcomePart,
     ParameterPart,
     Part,
+    ReadOnly,
     SettingsPart,
     SignalPart,
     TiesPart,
@@ -57,13 +57,13 @@ class Model(Part):
 
     schema_version: Literal["brightgrey/model/1", "brightgrey/model/2"] = Field(alias="schema")
     effects: tuple[str, ...] = Field(alias="structure")
-    parameters: Mapping[str, ParameterPart]
+    parameters: ReadOnly[str, ParameterPart]
     signals: tuple[SignalPart, ...]
     settings: SettingsPart
     initial_state: tuple[InitialPart, ...]
     fit: FitPart
     criterion: CriterionPart | None
-    evidence: Mapping[str, Verdict] | None
+    evidence: ReadOnly[str, Verdict] | None
     ties: TiesPart | None
     certificate: CertificatePart | None = None
     outcome: OutcomePart

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -18,6 +18,7 @@ __all__ = [
     "ParameterPart",
     "Part",
     "ProfilePart",
+    "ReadOnly",
     "RecordingValuePart",
     "RefutedPart",
     "SettingsPart",
@@ -41,6 +42,28 @@ def _not_zero(value: float) -> float:
 
 Ordered = Annotated[tuple[float, float], AfterValidator(_ordered)]
 """Low and high end."""
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+class ReadOnlyDict(dict[K, V]):
+    """A dict that refuses changes (TypeError), so that a model with dicts is frozen and can be hashed."""
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError("a model cannot be changed; model_copy(update=...) makes another one")
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (dict(self),)
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(frozenset(self.items()))
+
+
+ReadOnly = Annotated[Mapping[K, V], AfterValidator(ReadOnlyDict)]
+"""Mapping of a part."""
 
 
 class Part(BaseModel):
@@ -124,8 +147,8 @@ class SettingsPart(Part):
     substeps: int = Field(ge=1)
     hold: Literal["linear", "zoh"]
     sampling_time: float = Field(gt=0.0)
-    bounds: Mapping[str, Ordered]
-    fixed: Mapping[str, float]
+    bounds: ReadOnly[str, Ordered]
+    fixed: ReadOnly[str, float]
 
     @model_validator(mode="before")
     @classmethod
@@ -142,7 +165,7 @@ class InitialPart(Part):
     """Initial state for one recording."""
 
     recording: str
-    state: Mapping[str, ValuePart]
+    state: ReadOnly[str, ValuePart]
 
 
 class OutputFitPart(Part):
@@ -159,8 +182,8 @@ class OutputFitPart(Part):
 class FitPart(Part):
     """Fit by output name on the recordings the model was identified from, and on the test recording."""
 
-    train: Mapping[str, OutputFitPart]
-    test: Mapping[str, OutputFitPart] | None
+    train: ReadOnly[str, OutputFitPart]
+    test: ReadOnly[str, OutputFitPart] | None
 
 
 class CriterionPart(Part):
@@ -201,7 +224,7 @@ class CertificatePart(Part):
     unexplained: tuple[str, ...]
     offered: tuple[str, ...] = ()
     poor_fit: float | None = None
-    held_back: Mapping[str, str] = {}
+    held_back: ReadOnly[str, str] = ReadOnlyDict()
 
 
 class FindingPart(Part):
