@@ -128,7 +128,7 @@ def decide_structures(
     """
     names = [str(p) for p in grammar.whole.placed]
     for name in (*require, *exclude):
-        if name not in names and name.partition("@")[0] in function_set().places:
+        if name not in names and name in map(str, function_set().placed):
             raise SettingsError(
                 f"the function set '{grammar.name}' does not offer '{name}'; a given structure may have it"
             )

@@ -97,7 +97,7 @@ def test_model_of_a_parameter_that_differs__has_each_value_and_predicts_each_rec
     [
         ({"per_recording": ["f_w"]}, "unknown parameter 'f_w'"),
         ({"per_recording": ["f_v"], "fixed": {"f_v": 1.0}}, "f_v is fixed and may differ"),
-        ({"per_recording": "f_v"}, "several texts"),
+        ({"per_recording": "f_v"}, "several parameters"),
     ],
 )
 def test_parameter_that_cannot_differ__is_refused_by_name(asked, said):
