@@ -55,7 +55,7 @@ def test_actuator_at_the_load__sensor_at_the_motor__parameters_are_found():
     model = identify(recording, "two_mass+coulomb+viscous", f_tanh=F_TANH).model
     for name, value in VALUES.items():
         low, high = model.parameters[name].ci95
-        spread = model.parameters[name].std
+        spread = model.parameters[name].std  # low and high are two of them away: four in all
         assert low - 2.0 * spread < value < high + 2.0 * spread, name
     fit = simulate(model, recording).fit["y0"]
     assert fit.fit_percent == pytest.approx(model.fit.train["y0"].fit_percent, abs=1e-6)

@@ -21,7 +21,7 @@ from brightgrey.estimation.diagnostics.second_opinion import TermOpinion
 from brightgrey.estimation.diagnostics.symptoms import Symptom
 from brightgrey.kit import Placed, Structure, grammar_named
 from brightgrey.model.ranking import Row
-from brightgrey.model.schema import TiesPart
+from brightgrey.model.schema import FindingPart, OutcomePart, TiesPart
 from brightgrey.recordings.units.signals import Units
 from brightgrey.report.content import Content
 from brightgrey.report.page import page
@@ -30,6 +30,7 @@ from brightgrey.report.text.headline import headline
 from brightgrey.report.text.next_steps import next_steps, urgent_steps, why_not_richer
 from brightgrey.report.text.opinion_table import opinion_sentences
 from brightgrey.report.text.prose import listing, with_forces, with_meanings
+from brightgrey.report.text.tables import remarks
 from brightgrey.search.evidence import EffectVerdict
 from brightgrey.search.verdicts import Reason, ReasonKind, Size
 from support.evidence import evidence_of
@@ -223,6 +224,19 @@ def test_next_steps__model_with_a_parameter_at_its_bound__is_told_first():
     assert steps[-1].title == "Use the model"
     assert all(bool(step.task) == bool(step.commands) for step in steps)
     assert not any("--" in step.text for step in steps)  # a page without a command line shows the text alone
+
+
+def test_remarks__initial_state_at_its_bound__is_said_and_a_parameter_once():
+    model = model_with_intervals("one_mass+coulomb")
+    findings = [
+        FindingPart(kind="at bound", text="speed(0) at its lower bound", parameters=("speed(0)",)),
+        FindingPart(kind="at bound", text="M_C at its upper bound", parameters=("M_C",)),
+    ]
+    outcome = OutcomePart(kind="at bound", text=findings[0].text, findings=tuple(findings))
+    parts = {**model.parameters, "M_C": model.parameters["M_C"].model_copy(update={"at_bound": "high"})}
+    said = remarks(model.model_copy(update={"outcome": outcome, "parameters": parts}))
+    assert [text for text in said if text.startswith("Estimated beside the parameters: speed(0) at its lower bound.")]
+    assert sum("M_C" in text for text in said) == 1
 
 
 @pytest.mark.parametrize(("actuator", "command"), [(1, "brightgrey control"), (2, "brightgrey analyse")])

@@ -18,7 +18,6 @@ from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.optimisation.pattern_fit import ESTIMATORS
 from brightgrey.estimation.problem.initial_state import INITIALS
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
-from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.kit import Structure, function_set
 from brightgrey.model.criterion import bic_of_traces
 from brightgrey.model.from_fit import model_of
@@ -178,7 +177,8 @@ def identify(
         found = search_structure(task, request)
     chosen = found.structure if found else function_set().check(cast("Structure", named))
     constants = task.fixed_of(chosen)
-    _check_profiled(profile, task.problem(chosen), constants)
+    for name in profile:  # before the fit takes its time
+        one_of("estimated parameter", name, [each for each in chosen.parameters if each not in constants])
     fit = estimation.fit(
         chosen,
         several,
@@ -216,13 +216,6 @@ def _check_request(
             f"'{recording.input.name}' acts on mass {recording.input.mass}, and a search needs it at mass 1; give the"
             " structure, or count the masses from the driven one"
         )
-
-
-def _check_profiled(names: Sequence[str], problem: SimulationErrorProblem, constants: Mapping[str, float]) -> None:
-    """Refuse unknown names before the fit takes its time."""
-    known = [*problem.structure.parameters, *(nuisance.name for nuisance in problem.nuisances)]
-    for name in names:
-        one_of("estimated parameter", name, [each for each in known if each not in constants])
 
 
 @dataclass(frozen=True)

@@ -92,10 +92,11 @@ def test_trim_point__torque__carries_friction_gravity_and_acceleration():
     assert point.u == pytest.approx(50.0 * (J1 + J2) + friction - 1.0, rel=1e-9)
     alone = trim_point(contact_mode(to_twist_coordinates(system), "gap"), 10.0, 50.0)
     assert alone.u == pytest.approx(50.0 * J1 + friction - 1.0, rel=1e-9)
-    structure = Structure.parse("two_mass+coulomb+backlash")
-    behind = assemble(structure, values_of(str(structure)), 2.5, actuator=2)  # no torque reaches mass 1
+    structure = Structure.parse("two_mass+coulomb@2+cubic_spring")
+    values = values_of("two_mass") | {"c1": 1e-12, "M_C@2": 0.9, "c_cubic": 75.0}
+    limp = assemble(structure, values, 2.5)  # Newton's method begins at the line of c1, 12 powers of ten away
     with pytest.raises(SettingsError, match="no steady motion"):
-        trim_point(contact_mode(to_twist_coordinates(behind), "gap"), 10.0)
+        trim_point(contact_mode(to_twist_coordinates(limp), "forward"), 10.0)
 
 
 def test_trim_point__open_gap_before_a_load_with_friction__the_load_coasts():
@@ -106,6 +107,15 @@ def test_trim_point__open_gap_before_a_load_with_friction__the_load_coasts():
     assert point.u == pytest.approx(0.0, abs=1e-12)
     coasting = mode.derivative(point.z, point.u)[mode.system.state_names.index("v2")]
     assert coasting == pytest.approx((1.0 - 0.9 * np.tanh(2.5 * 10.0) - 0.015 * 10.0) / J2, rel=1e-9)
+
+
+@pytest.mark.parametrize(("actuator", "carried"), [(1, 0.9), (2, 0.2), (3, 0.2)])
+def test_trim_point__open_gap_and_input_on_another_mass__carries_the_friction_on_its_side(actuator, carried):
+    structure = Structure.parse("three_mass+coulomb+coulomb@3+backlash+current_control")
+    values = {"J1": 0.01, "J2": 0.02, "J3": 0.03, "c1": 50.0, "c2": 70.0, "d1": 0.02, "d2": 0.03}
+    values |= {"M_C": 0.9, "M_C@3": 0.2, "alpha": 0.01, "T_1": 1e-3}
+    system = assemble(structure, values, np.inf, actuator=actuator)
+    assert trim_point(contact_mode(to_twist_coordinates(system), "gap"), 5.0).u == pytest.approx(carried, rel=1e-9)
 
 
 @pytest.mark.parametrize("masses", ["three_mass", "four_mass"])

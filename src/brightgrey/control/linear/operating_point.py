@@ -62,13 +62,19 @@ class ContactMode:
 
     @property
     def coasting_states(self) -> tuple[int, ...]:
-        """Speeds of the masses behind an open gap."""
-        if self.contact != "gap" or not self.limited_elements:
+        """Speeds of the masses that an open gap parts from the one that the input acts on."""
+        if self.contact != "gap":
             return ()
-        last = min(Placed.parse(e.name).place for e in self.limited_elements)
-        return tuple(
-            i for i, state in enumerate(self.system.states) if state.at_rest == "speed" and int(state.name[1:]) > last
-        )
+        states, gaps = self.system.states, [Placed.parse(e.name).place for e in self.limited_elements]
+        lags = [i for i, state in enumerate(states) if state.at_rest == "input"]
+        pushed = self.system.B[:, 0] + self.system.A[:, lags].sum(axis=1)
+        group = {
+            i: sum(gap < int(state.name[1:]) for gap in gaps)
+            for i, state in enumerate(states)
+            if state.at_rest == "speed"
+        }
+        (driven,) = (group[i] for i in group if pushed[i] != 0.0)
+        return tuple(i for i in group if group[i] != driven)
 
     @property
     def free_states(self) -> tuple[int, ...]:
@@ -124,7 +130,7 @@ class OperatingPoint:
     z: Array  #: State in twist coordinates, shape (m,).
     u: float  #: Input that maintains the motion, N m (N).
     speed: float  #: Of all masses, rad/s (m/s).
-    acceleration: float  #: Of all masses, of those before an open gap, rad/s² (m/s²).
+    acceleration: float  #: Of all masses that torque reaches, rad/s² (m/s²).
     position: float = 0.0  #: Of mass 1, rad (m); it matters only where a load depends on it.
 
     @cached_property
@@ -153,7 +159,7 @@ def trim_point(
     """Find the twists, positions in gaps and the input for which all masses have a given speed and acceleration.
 
     Where a load depends on the position, that holds at the instant at which mass 1 passes it. No torque reaches the
-    masses behind an open gap: their speed is given, and their acceleration is what friction and loads make of it.
+    masses beyond an open gap: their speed is given, and their acceleration is what friction and loads make of it.
 
     Parameters
     ----------
@@ -195,7 +201,7 @@ def trim_point(
         terms = np.abs(slope.A[rows]) @ np.abs(z) + np.abs(slope.B[rows, 0] * u) + abs(acceleration)
     if not np.all(miss <= ANALYSIS.balance_tolerance * terms.max(initial=1e-300)):
         raise SettingsError(
-            f"no steady motion at speed {speed:g} and acceleration {acceleration:g} (SI) with contact "
+            f"no steady motion was found at speed {speed:g} and acceleration {acceleration:g} (SI) with contact "
             f"'{mode.contact}'; choose another one of {', '.join(CONTACTS)}"
         )
     return OperatingPoint(mode, z, u, speed, acceleration, position)

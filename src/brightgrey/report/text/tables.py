@@ -189,7 +189,11 @@ def remarks(model: Model) -> list[str]:
         if part.profile:
             ends = " … ".join("open" if end is None else significant(end, 4) for end in part.profile.ci95)
             out.append(f"{sentence(part.profile.text)} Its 95 % interval is {ends} {part.unit}.")
-    # Parameters at a bound are named above already; initial states and the like are no rows.
-    found = [f.text for f in model.outcome.findings if f.kind != "at bound" or not set(f.parameters) <= set(units)]
-    out += [sentence(with_meanings(text, model.structure)) for text in found]
+    for finding in model.outcome.findings:
+        if finding.kind != "at bound":
+            out.append(sentence(with_meanings(finding.text, model.structure)))
+        elif not set(finding.parameters) <= set(units):  # parameters are named above already
+            begin = " The recording may begin otherwise: try --initial rest or a later --window."
+            advice = begin if all("(0)" in name for name in finding.parameters) else ""
+            out.append(f"Estimated beside the parameters: {finding.text}.{advice}")
     return out if model.is_rotary else [with_forces(text) for text in out]
