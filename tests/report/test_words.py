@@ -228,14 +228,12 @@ def test_next_steps__model_with_a_parameter_at_its_bound__is_told_first():
 
 def test_remarks__initial_state_at_its_bound__is_said_and_a_parameter_once():
     model = model_with_intervals("one_mass+coulomb")
-    findings = [
-        FindingPart(kind="at bound", text="speed(0) at its lower bound", parameters=("speed(0)",)),
-        FindingPart(kind="at bound", text="M_C at its upper bound", parameters=("M_C",)),
-    ]
-    outcome = OutcomePart(kind="at bound", text=findings[0].text, findings=tuple(findings))
+    text = "M_C at its upper bound, speed(0) at its lower bound"
+    finding = FindingPart(kind="at bound", text=text, parameters=("M_C", "speed(0)"))
+    outcome = OutcomePart(kind="at bound", text=text, findings=(finding,))
     parts = {**model.parameters, "M_C": model.parameters["M_C"].model_copy(update={"at_bound": "high"})}
     said = remarks(model.model_copy(update={"outcome": outcome, "parameters": parts}))
-    assert [text for text in said if text.startswith("Estimated beside the parameters: speed(0) at its lower bound.")]
+    assert sum("and at a bound of its range: speed(0). The recording may begin otherwise" in text for text in said) == 1
     assert sum("M_C" in text for text in said) == 1
 
 

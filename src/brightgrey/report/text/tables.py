@@ -192,8 +192,8 @@ def remarks(model: Model) -> list[str]:
     for finding in model.outcome.findings:
         if finding.kind != "at bound":
             out.append(sentence(with_meanings(finding.text, model.structure)))
-        elif not set(finding.parameters) <= set(units):  # parameters are named above already
+        elif beside := [name for name in finding.parameters if name not in units]:  # parameters are named above
             begin = " The recording may begin otherwise: try --initial rest or a later --window."
-            advice = begin if all("(0)" in name for name in finding.parameters) else ""
-            out.append(f"Estimated beside the parameters: {finding.text}.{advice}")
+            advice = begin if all("(0)" in name for name in beside) else ""
+            out.append(f"Estimated beside the parameters, and at a bound of its range: {', '.join(beside)}.{advice}")
     return out if model.is_rotary else [with_forces(text) for text in out]
