@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from brightgrey.errors import BrightgreyError
-from brightgrey.recordings import Recording, cut_window, decimate
+from brightgrey.recordings import Recording, cut_window, decimate, recording_from
 from brightgrey.recordings.sample_values import resolution
 from brightgrey.recordings.window import coarse_input
 from support.recordings import make_recording
@@ -192,10 +192,22 @@ def test_recording__sizes_that_no_computer_can_square__are_refused(gain: float, 
         make(gain * U, U, dt=dt)
 
 
-def test_recording__speed_without_sign__is_not_negative_but_for_noise() -> None:
+def read_speed(speed: np.ndarray) -> Recording:
+    return recording_from(
+        {"t": DT * np.arange(N), "u": U, "w": speed}, input="u", outputs="w:speed", units={"w": "rad/s"}
+    )
+
+
+def test_recording_from__speed_without_sign__is_not_negative_but_for_noise() -> None:
     noisy = np.abs(np.cumsum(U)) + 0.01 * np.abs(np.cumsum(U)).max() * U
-    assert make(U, noisy, kind="speed").outputs[0].kind == "speed"
+    assert read_speed(noisy).outputs[0].kind == "speed"
     with pytest.raises(
-        BrightgreyError, match=r"50 % of its samples are negative, down to -1 rad/s; name it .*:velocity"
+        BrightgreyError, match=r"50 % of its samples are negative, down to -1 rad/s; name it w:velocity"
     ):
-        make(U, np.where(np.arange(N) % 2, 1.0, -1.0), kind="speed")
+        read_speed(np.where(np.arange(N) % 2, 1.0, -1.0))
+
+
+def test_recording__part_in_which_a_speed_without_sign_rests__may_be_negative_by_noise() -> None:
+    whole = read_speed(np.where(np.arange(N) < 300, 0.0, 10.0) + 0.1 * U)
+    rest = dataclasses.replace(whole, t=whole.t[:300], u=whole.u[:300], y=whole.y[:, :300])
+    assert rest.y.min() < -0.1 * np.abs(rest.y).max()

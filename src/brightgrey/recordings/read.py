@@ -19,7 +19,7 @@ from brightgrey.recordings.columns import OutputColumn, ReadingOptions, choose_c
 from brightgrey.recordings.formats.table import Column, Table
 from brightgrey.recordings.joined_files import open_together
 from brightgrey.recordings.policy import READING
-from brightgrey.recordings.recording import Recording, Source, check_hold
+from brightgrey.recordings.recording import Recording, Signal, Source, check_hold
 from brightgrey.recordings.samples import Samples, sample
 from brightgrey.recordings.time_base import stretch_edges
 from brightgrey.recordings.units.drive_scales import DriveScales
@@ -356,7 +356,24 @@ def _make_recording(table: Table, options: ReadingOptions) -> Recording:
         ),
         resolution=(samples.resolution * np.abs(factors))[1:],
     )
+    for signal, row in zip(recording.outputs, recording.y, strict=True):
+        _check_sign(recording.name, signal, row)
     return decimate(recording, options.decimate)
+
+
+def _check_sign(name: str, signal: Signal, values: Array) -> None:
+    """Refuse a speed without sign that is negative by more than the noise of a sensor.
+
+    That holds for a whole recording. A part in which the drive rests is negative half of the time.
+    """
+    least, largest = float(values.min()), float(np.abs(values).max())
+    if signal.kind == "speed" and least < -READING.negative_speed * largest:
+        part = 100.0 * float(np.mean(values < 0.0))
+        sensor = signal.sensor.replace("speed", "velocity")
+        raise RecordingError(
+            f"{name}: '{signal.name}' is taken as a speed without sign, and {part:.0f} % of its samples are negative,"
+            f" down to {least * signal.factor:.4g} {signal.unit}; name it {signal.name}:{sensor}"
+        )
 
 
 def _many(samples: Samples, options: ReadingOptions) -> list[str]:

@@ -176,7 +176,6 @@ class Recording:
             raise RecordingError(f"{self.name}: a number is not finite")
         for signal, values in zip((self.input, *self.outputs), (u, *y), strict=True):
             self._check_size(signal, float(np.abs(values).max()))
-            self._check_sign(signal, values)
         dt = (t[-1] - t[0]) / (t.size - 1)
         uneven = np.abs(t - (t[0] + dt * np.arange(t.size))).max()
         if not dt > 0 or uneven > 0.01 * dt + 4 * np.spacing(np.abs(t).max()):
@@ -193,17 +192,6 @@ class Recording:
             raise RecordingError(
                 f"{self.name}: '{signal.name}' reaches {largest:.6g} in SI, which no drive does; check its unit and"
                 " the factors that are given"
-            )
-
-    def _check_sign(self, signal: Signal, values: Array) -> None:
-        """Refuse a speed without sign that is negative by more than the noise of a sensor."""
-        least, largest = float(values.min()), float(np.abs(values).max())
-        if signal.kind == "speed" and least < -READING.negative_speed * largest:
-            part = 100.0 * float(np.mean(values < 0.0))
-            sensor = signal.sensor.replace("speed", "velocity")
-            raise RecordingError(
-                f"{self.name}: '{signal.name}' is taken as a speed without sign, and {part:.0f} % of its samples are"
-                f" negative, down to {least * signal.factor:.4g} {signal.unit}; name it {signal.name}:{sensor}"
             )
 
     @property
