@@ -191,7 +191,7 @@ def _genetic(task: IdentificationTask, settings: GeneticSettings, request: Searc
         workers=request.workers,
         executor=request.executor,
         progress=request.progress,
-        grammar=request.grammar.whole,
+        grammar=request.grammar,
     )
     best = done.best
     if not best.value > float("-inf") or not best.result.misfit.fit_percent > float("-inf"):

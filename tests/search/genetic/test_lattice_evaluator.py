@@ -246,6 +246,10 @@ def test_genetic_search__structure_not_bred__has_tree(briefly_loose):
     pytest.fail("the largest structure was bred from every seed")
 
 
+def lost_of(relatives):
+    return {s for s in ALL if relatives.has_lost(s)}
+
+
 @pytest.fixture
 def sought(task, monkeypatch):
     """Relatives of fits by hand, after missed optima have been sought in vain."""
@@ -255,7 +259,7 @@ def sought(task, monkeypatch):
         with thread_pool(None) as executor:
             relatives = LatticeEvaluator(task, ALL, executor, criterion(name))
             relatives.fits.done |= {s: StructureFit(s, {}, cost, len(s.parameters)) for s, cost in costs.items()}
-            assert relatives.eliminated() == set()  # missed optima have not been looked for yet
+            assert lost_of(relatives) == set()  # missed optima have not been looked for yet
             relatives.restart_leaders()
         return relatives
 
@@ -278,7 +282,7 @@ PLAIN, FRICTION, TRUTH, MORE, TOP = map(
 def test_can_still_win__criterion_cannot_be_reached__false(sought, name):
     """By the criterion, if it left no less than the best fit that contains it, or than what it is offered."""
     relatives = sought({TOP: 99.8, TRUTH: 100.0, PLAIN: 1e4}, name=name)
-    lost = relatives.eliminated()
+    lost = lost_of(relatives)
     assert MORE in lost
     assert not {PLAIN, FRICTION, TRUTH} & lost
     assert all(len(s.parameters) > len(TRUTH.parameters) for s in lost)
@@ -286,24 +290,24 @@ def test_can_still_win__criterion_cannot_be_reached__false(sought, name):
     assert not relatives.can_still_win(FRICTION, 1e6)
 
 
-def test_eliminated__no_containing_fit__none(sought):
+def test_has_lost__no_containing_fit__none(sought):
     """Nobody knows what it leaves, and growing is how it is found."""
     relatives = sought({PLAIN: 1e4, FRICTION: 9e3})
-    assert relatives.eliminated() == set()
-    assert sought({}).eliminated() == set()
+    assert lost_of(relatives) == set()
+    assert lost_of(sought({})) == set()
 
 
 @pytest.mark.parametrize("given", [{"bounds": {"f_v": (0.1, 1.0)}}, {"fixed": {"f_v": 0.1}}])
-def test_eliminated__bounds_or_fixed_values__none(sought, task, given):
+def test_has_lost__bounds_or_fixed_values__none(sought, task, given):
     """A structure that contains another may leave more then, as in the paper's experiment."""
-    assert sought({TOP: 99.8, TRUTH: 100.0}, task=replace(task, **given)).eliminated() == set()
+    assert lost_of(sought({TOP: 99.8, TRUTH: 100.0}, task=replace(task, **given))) == set()
 
 
-def test_eliminated__several_outputs__none(sought, task):
+def test_has_lost__several_outputs__none(sought, task):
     """The criterion weighs them against each other, and the sum of both says little."""
     (r,) = task.recordings
     twice = replace(r, y=np.vstack([r.y, r.y]), outputs=(r.outputs[0], replace(r.outputs[0], name="again")))
-    assert sought({TOP: 99.8, TRUTH: 100.0}, task=replace(task, recordings=(twice,))).eliminated() == set()
+    assert lost_of(sought({TOP: 99.8, TRUTH: 100.0}, task=replace(task, recordings=(twice,)))) == set()
 
 
 def test_can_still_win__gain_below_resolution__smaller_structure_wins(sought, task):
@@ -313,7 +317,7 @@ def test_can_still_win__gain_below_resolution__smaller_structure_wins(sought, ta
     floor = r.samples * float(coarse.problem(TRUTH).weights[0] * r.y.std()) ** 2 / 12.0
     relatives = sought({TOP: 0.9 * floor, FRICTION: floor}, task=coarse)
     assert relatives.can_still_win(FRICTION, floor)
-    assert TRUTH in relatives.eliminated()
+    assert TRUTH in lost_of(relatives)
 
 
 @pytest.mark.parametrize("worthwhile", [True, False])

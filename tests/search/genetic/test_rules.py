@@ -2,7 +2,7 @@
 
 import itertools
 
-from brightgrey.kit import PAPER, Grammar, Placed, Structure
+from brightgrey.kit import PAPER, Grammar, Placed, Structure, grammar_named
 from brightgrey.search.genetic.rules import Rules
 
 LEGAL = {frozenset(s.placed) for s in PAPER.structures()}
@@ -36,6 +36,19 @@ def test_complete__types__legal_structures_only(rules):
 
 def test_largest_tree(rules):
     assert rules.largest_size == max(len(s) for s in LEGAL)
+
+
+def test_largest_tree__effects_that_exclude_each_other__one_of_them():
+    places = {"three_mass": (1,), "coulomb": (1, 2), "backlash": (1, 2), "cubic_spring": (1, 2)}
+    assert Rules(Grammar("small", places)).largest_size == max(
+        len(s.placed) for s in Grammar("small", places).structures()
+    )
+
+
+def test_rules__function_set_of_millions__are_not_listed():
+    rules = Rules(grammar_named("drive").whole)
+    assert rules.largest_size > len(PAPER.placed)
+    assert rules.complete((Placed("two_mass"), Placed("coulomb", 2)))
 
 
 def test_another_grammar_is_data():

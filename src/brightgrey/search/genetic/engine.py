@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from collections.abc import Set as AbstractSet
 from typing import Protocol
 
 import numpy as np
@@ -32,8 +31,8 @@ class Evaluator(Protocol):
         """All evaluations so far, in the light of the latest generation; further ones are appended."""
         ...
 
-    def eliminated(self) -> AbstractSet[Structure]:
-        """Structures that cannot win any more, evaluated or not."""
+    def has_lost(self, structure: Structure) -> bool:
+        """True if a structure, evaluated or not, cannot win any more."""
         ...
 
 
@@ -95,14 +94,14 @@ def evolve(
                 raise
             return Run(tuple(done), interrupted=True)
         if generation < settings.generations:
-            born = _next_generation(done, current, evaluator.eliminated(), settings, rules, draw, rng)
+            born = _next_generation(done, current, evaluator.has_lost, settings, rules, draw, rng)
     return Run(tuple(done))
 
 
 def _next_generation(
     done: Sequence[Evaluation],
     current: Sequence[Evaluation],
-    eliminated: AbstractSet[Structure],
+    has_lost: Callable[[Structure], bool],
     settings: GeneticSettings,
     rules: Rules,
     draw: Draw,
@@ -112,9 +111,9 @@ def _next_generation(
     independent = current[0].result.misfit.independent
     chances = criterion(settings.criterion, settings.k_p).chances([e.value for e in current], independent)
     children = offspring([e.tree for e in current], chances, settings, rules, draw, rng)
-    tried = {e.job.structure for e in done} | eliminated
+    tried = {e.job.structure for e in done}
     best = [e.tree for e in Run(tuple(done)).structures() if not e.result.idle]
-    close = untried_neighbours(best, tried, settings, rules, draw, rng)
-    taken = tried | {neighbour.tree.structure for neighbour in close}
-    children = remutate_duplicates(children, taken, settings, rules, draw, rng)
+    close = untried_neighbours(best, lambda s: s in tried or has_lost(s), settings, rules, draw, rng)
+    tried |= {neighbour.tree.structure for neighbour in close}
+    children = remutate_duplicates(children, lambda s: s in tried or has_lost(s), settings, rules, draw, rng)
     return (*(Offspring(tree, (), "elite") for tree in best[: settings.elite]), *close, *children)

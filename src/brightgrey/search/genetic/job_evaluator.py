@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from collections.abc import Set as AbstractSet
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
@@ -46,9 +45,9 @@ class JobEvaluator:
         """Return the evaluations as they are: no job learns from another."""
         return list(evaluations)
 
-    def eliminated(self) -> AbstractSet[Structure]:
-        """Structures that cannot win any more: none is known."""
-        return frozenset()
+    def has_lost(self, structure: Structure) -> bool:
+        """Return False: of no structure it is known that it cannot win any more."""
+        return False
 
     def _job(self, tree: Node) -> Job:
         return Job.of(tree.structure, self.default_start(tree.structure) if self.default_start else tree.parameters)

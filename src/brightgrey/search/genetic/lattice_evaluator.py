@@ -46,7 +46,7 @@ class LatticeEvaluator:
     ----------
     task : IdentificationTask
     structures : sequence of Structure
-        Structures of the grammar.
+        Structures of the grammar without what it holds back: fits by multistart are made among them.
     executor : concurrent.futures.Executor
         Makes the fits.
     criterion : Criterion
@@ -118,9 +118,9 @@ class LatticeEvaluator:
         counted = replace(last, result=replace(last.result, spent=last.result.spent + spent))
         return [self._judged_again(evaluation) for evaluation in (*others, counted)]
 
-    def eliminated(self) -> set[Structure]:
-        """Structures that have lost, fitted or not."""
-        return {s for s in self.fits.structures if not self.can_still_win(s)}
+    def has_lost(self, structure: Structure) -> bool:
+        """True if a structure, fitted or not, cannot win any more."""
+        return not self.can_still_win(structure)
 
     def identify(self, structures: Sequence[Structure]) -> list[tuple[Evaluated, bool]]:
         """Results in the order of `structures`; a structure that was fitted before is marked.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,18 +81,18 @@ def mutated(
 
 def remutate_duplicates(
     born: Sequence[Offspring],
-    tried: Collection[Structure],
+    is_tried: Callable[[Structure], bool],
     settings: GeneticSettings,
     rules: Rules,
     draw: Draw,
     rng: np.random.Generator,
 ) -> tuple[Offspring, ...]:
-    """Mutate individuals whose structure is in `tried` or came before in `born`, at most `settings.fresh` times."""
-    known, out = set(tried), []
+    """Mutate individuals whose structure was tried or came before in `born`, at most `max_remutations` times."""
+    known, out = set[Structure](), []
     for child in born:
         tree, names = child.tree, [child.operator]
         for _ in range(settings.max_remutations):
-            if tree.structure not in known:
+            if tree.structure not in known and not is_tried(tree.structure):
                 break
             name = pick(tuple(MUTATIONS), rng)
             changed = MUTATIONS[name](tree, rules, draw, rng)
@@ -106,22 +106,21 @@ def remutate_duplicates(
 
 def untried_neighbours(
     best: Sequence[Node],
-    tried: Collection[Structure],
+    is_tried: Callable[[Structure], bool],
     settings: GeneticSettings,
     rules: Rules,
     draw: Draw,
     rng: np.random.Generator,
 ) -> tuple[Offspring, ...]:
     """Individuals with one node changed whose structures have not been tried: of the first of `best` that has such."""
-    known: set[Structure] = set(tried)
-    out: list[Offspring] = []
+    known, out = set[Structure](), list[Offspring]()
     for tree in best:
         for _ in range(HEURISTICS.neighbour_draws):
             if len(out) == settings.neighbours:
                 return tuple(out)
             name = pick(_ONE_NODE_MUTATIONS, rng)
             changed = MUTATIONS[name](tree, rules, draw, rng)
-            if changed.structure not in known:
+            if changed.structure not in known and not is_tried(changed.structure):
                 known.add(changed.structure)
                 out.append(Offspring(changed, (), f"elite+{name}"))
     return tuple(out)

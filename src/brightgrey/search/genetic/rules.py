@@ -36,8 +36,11 @@ class Rules:
 
     @cached_property
     def largest_size(self) -> int:
-        """Nodes of the largest legal tree."""
-        return max(len(structure.placed) for structure in self.grammar.structures())
+        """Nodes of the largest legal tree, of effects that exclude each other with the first ones."""
+        types: tuple[Placed, ...] = self.mass_chains[-1:]
+        while more := self.allowed(types):
+            types = (*types, more[0])
+        return len(types)
 
     def complete(self, types: Iterable[Placed]) -> bool:
         """Return True if `types` are a legal structure as they are."""

@@ -47,6 +47,7 @@ def genetic_search(
     identify : Estimator, optional
         Replaces the estimator of `settings`.
     grammar : Grammar
+        What it holds back may be part of any individual.
     """
     judge = criterion(settings.criterion, settings.k_p)
     with thread_pool(executor, workers) as pool:
@@ -60,4 +61,4 @@ def genetic_search(
             chosen = identify or estimator(settings.estimator, task, settings.iterations, settings.stall_polls)
             start = task.default_start if settings.start_from == "standard" else None
             evaluator = JobEvaluator(chosen, pool, judge, start)
-        return evolve(evaluator, task.draw, settings, grammar=grammar, seed=seed, progress=progress)
+        return evolve(evaluator, task.draw, settings, grammar=grammar.whole, seed=seed, progress=progress)
