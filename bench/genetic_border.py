@@ -115,7 +115,7 @@ def table(rows: Sequence[Mapping]) -> Table:
             ]
         )
     columns = ["search", "first structure right", "within the drive", "simulations, median", "CPU s, mean"]
-    return Table(f"Both searches over the function set `drive`, {len(rows)} drives", columns, cells)
+    return Table("Both searches over the function set `drive`", columns, cells)
 
 
 def main() -> None:

@@ -52,6 +52,16 @@ def test_parse__wrong_text__refused_in_one_line(text, said):
     assert "\n" not in str(refusal.value)
 
 
+def test_of__one_text__advice_to_parse_it():
+    with pytest.raises(StructureError, match=r"one text came; Structure.parse reads 'two_mass\+coulomb'"):
+        Structure.of("two_mass+coulomb")
+
+
+def test_parse__no_text__refused():
+    with pytest.raises(StructureError, match=r"a text such as two_mass\+coulomb is expected, 3 came"):
+        Structure.parse(3)
+
+
 def test_relevant_size__gap_in_another_shaft__reads_the_stiffness_of_that_shaft():
     scales = Scales(2.0, 40.0, 400.0, 1e6, 1e-3, 2.0, 0.02, 0.1, 0.01, 0.0)
     values = {"c1": 100.0, "c2": 50.0}

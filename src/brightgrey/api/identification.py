@@ -90,7 +90,7 @@ def identify(
     grammar : {'drive', 'paper'}, optional
         Function set that is searched. ``drive`` begins with the paper's and offers friction at other masses and further
         effects where that leaves something unexplained; it is the default of ``auto``. ``paper`` is the default of the
-        other searches.
+        other searches. Genetic programming takes all effects of ``drive`` from the start.
     require, exclude : sequence of str
         Effects that every structure has, or that none has; masses count cumulatively. Not in genetic programming.
     progress : callable, optional

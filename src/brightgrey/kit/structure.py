@@ -111,7 +111,15 @@ class Structure:
 
     @classmethod
     def of(cls, names: Iterable[str]) -> Structure:
-        """Structure from names of placed effects."""
+        """Structure from names of placed effects.
+
+        Raises
+        ------
+        StructureError
+            For one text instead of several names, unknown effects, wrong places or effects that are named twice.
+        """
+        if isinstance(names, str):
+            raise StructureError(f"names of effects are expected, and one text came; Structure.parse reads '{names}'")
         return cls(tuple(Placed.parse(name) for name in names))
 
     @classmethod
@@ -121,8 +129,10 @@ class Structure:
         Raises
         ------
         StructureError
-            For unknown effects, wrong places or effects that are named twice.
+            For what is no text, unknown effects, wrong places or effects that are named twice.
         """
+        if not isinstance(text, str):
+            raise StructureError(f"a text such as two_mass+coulomb is expected, {text!r} came")
         if "+" not in text and len(words := re.split(r"[,;&|\s]+", text.strip())) > 1 and words[0] in registry():
             raise StructureError(f"'{text}': effects are joined by +, like {'+'.join(words)}")
         return cls.of(text.split("+"))

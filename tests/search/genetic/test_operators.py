@@ -221,7 +221,8 @@ def test_offspring__no_mutation__clones_and_recombinations(rules, draw, rng):
 def test_tried_structures_are_mutated_again(rules, draw, rng):
     settings = GeneticSettings(max_remutations=50)
     old = tree("two_mass(coulomb)")
-    new = remutate_duplicates([Offspring(old, (0,), "clone")] * 5, {old.structure}.__contains__, settings, rules, draw, rng)
+    clones = [Offspring(old, (0,), "clone")] * 5
+    new = remutate_duplicates(clones, {old.structure}.__contains__, settings, rules, draw, rng)
     structures = [b.tree.structure for b in new]
     assert len({*structures, old.structure}) == 6
 
@@ -229,7 +230,8 @@ def test_tried_structures_are_mutated_again(rules, draw, rng):
 def test_untried_neighbours__ranked_trees__one_node_away_best_first(rules, draw, rng):
     best = [tree("two_mass(coulomb)"), tree("four_mass(gravity)")]
     tried = {t.structure for t in best}
-    born = untried_neighbours(best, tried.__contains__, GeneticSettings(population=40, n_neighbours=40), rules, draw, rng)
+    settings = GeneticSettings(population=40, n_neighbours=40)
+    born = untried_neighbours(best, tried.__contains__, settings, rules, draw, rng)
     assert {b.operator for b in born} == {"elite+point", "elite+insertion", "elite+deletion"}
     structures = [b.tree.structure for b in born]
     assert len({*structures, *tried}) == len(structures) + 2

@@ -44,7 +44,8 @@ class StructureOptions:
             "--grammar",
             metavar="NAME",
             help="Function set: drive begins with the paper's 448 structures and offers friction at other masses and "
-            "further effects where those leave something unexplained (default of auto); paper is those 448 alone.",
+            "further effects where those leave something unexplained (default of auto); paper is those 448 alone. The "
+            "genetic search takes all effects of drive from the start.",
             rich_help_panel=STRUCTURE,
         ),
     ] = None
