@@ -12,11 +12,13 @@ from brightgrey.estimation import scales
 from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL, Optimum, fit_many
 from brightgrey.estimation.optimisation.multistart import DescentBatch, agreeing_starts, multistart
+from brightgrey.estimation.optimisation.options import StartPointOptions
 from brightgrey.estimation.optimisation.start_points import (
     best_diverse,
     perturbed_starts,
     resonance_scan,
     starts_at_residual_peaks,
+    torque_rows,
 )
 from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.simulation_count import SimulationCount
@@ -67,6 +69,32 @@ def test_perturbed_starts__within_bounds__near_their_parents(demo):
     assert np.all((perturbed >= space.low[:, None] * (1 - 1e-12)) & (perturbed <= space.high[:, None] * (1 + 1e-12)))
     kept = np.abs(space.to_scaled(perturbed) - space.to_scaled(space.start)[:, None]) < 0.3 * 4
     assert np.median(kept.mean(axis=0)) >= 0.5
+
+
+def test_perturbed_starts__torques_at_the_masses__sampled_anew_together(demo):
+    structure = PAPER.parse("two_mass+coulomb+gravity+backlash+delay")
+    space = parameter_space(structure, scales(demo), {}, {})
+    rows = torque_rows(structure, space)
+    assert {space.names[i] for i in rows} == {"M_C", "M_G"}
+    options = StartPointOptions(redrawn_torques=1.0, exchanged_share=0.0, shifts=(0.0,))
+    fresh = space.sample(64, np.random.default_rng(2))
+    perturbed = perturbed_starts(space, [space.start], fresh, np.random.default_rng(3), rows, options)
+    np.testing.assert_allclose(perturbed[rows], fresh[rows], rtol=1e-12)
+    others = [i for i in range(len(space.names)) if i not in rows]
+    np.testing.assert_allclose(perturbed[others], np.repeat(space.start[others, None], 64, axis=1), rtol=1e-12)
+
+
+def test_first_batch__given_starts_of_a_gap__copies_of_them_beside_samples(demo):
+    """Descents on the whole recording seldom come back to an optimum with a gap from anywhere near it."""
+    problem = SimulationErrorProblem.of(PAPER.parse("two_mass+backlash"), [demo])
+    space = parameter_space(problem.structure, scales(demo), {}, {})
+    settings = Settings(1.0, space.scales.speed)
+    given = dict(zip(space.names, space.start.tolist(), strict=True))
+    counts = [
+        multistart(problem, space, settings, known, starts=2, patience=0, seed=1).starts.shape[1]
+        for known in ([], [given])
+    ]
+    assert counts[1] == counts[0] + 1 + 2  # the given start on the whole recording, and two copies
 
 
 @pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.search.enumerate])

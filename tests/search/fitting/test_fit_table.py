@@ -196,6 +196,18 @@ def test_restart_many__better_supermodel__its_optimum_is_a_start(task):
     assert begun == [["two_mass", "two_mass+backlash"], ["two_mass+coulomb"]]
 
 
+def test_restart_many__hard_limit__begins_at_the_best_fit_with_one_as_well(task):
+    """It has found the gap, whatever else it has and lacks."""
+    costs = {"two_mass+viscous+backlash": 100.0, "three_mass+coulomb+backlash": 40.0, "two_mass+coulomb": 30.0}
+    names = dict(zip(costs, map(PAPER.parse, costs), strict=True))
+    fits = FitTable(task, list(names.values()))
+    fits.done.update({s: StructureFit(s, {}, costs[name], complexity(s)) for name, s in names.items()})
+    asked = Asked(fits)
+    fits.restart_many([names["two_mass+viscous+backlash"], names["three_mass+coulomb+backlash"]], 1, asked)
+    begun = [[str(f.structure) for f in known] for *_, known, _ in asked.calls]
+    assert begun == [["two_mass+viscous+backlash", "three_mass+coulomb+backlash"], ["three_mass+coulomb+backlash"]]
+
+
 def test_restart_many__supermodel_with_a_redundant_effect__begins_where_it_has_its_optimum_from(task):
     """The optimum of a structure without the effect of the asked one: it would not be tried otherwise."""
     own, same, larger = map(PAPER.parse, ("two_mass+coulomb", "two_mass+viscous", "two_mass+coulomb+viscous"))

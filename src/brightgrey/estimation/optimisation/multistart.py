@@ -35,6 +35,7 @@ from brightgrey.estimation.optimisation.start_points import (
     perturbed_starts,
     resonance_scan,
     starts_at_residual_peaks,
+    torque_rows,
 )
 from brightgrey.estimation.optimisation.torque_regression import with_regressed_sizes, with_waves
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
@@ -177,7 +178,7 @@ class _Multistart:
         missing = self.agreeing - agreeing_starts(self.batches)
         stages = _stages(self.problem, number, self.options, rng)
         easiest = stages[0] if stages else self.problem
-        batch = self.choose_starts(easiest, first, self.optima if number else [], rng)
+        batch = self.choose_starts(easiest, first, rng, number)
         least = self.least_cost
         self.descend(stages, batch, missing)
         self.idle = 0 if self.batches[-1].least_cost < self.options.improvement * least else self.idle + 1
@@ -186,30 +187,33 @@ class _Multistart:
         self,
         easiest: SimulationErrorProblem,
         first: list[Array],
-        optima: Sequence[Optimum],
         rng: np.random.Generator,
+        number: int = 0,
     ) -> _StartBatch:
         """Starts of one batch: the `first` ones, and equally many samples and perturbed optima.
 
-        Samples are judged by the `easiest` problem, on which the descents begin.
+        The first batch has samples, and beside them perturbed optima of the given starts. Samples are judged by the
+        `easiest` problem, on which the descents begin.
         """
-        space, settings, options = self.space, self.settings, self.options
-        missing = self.starts - len(first)
-        if missing <= 0 or not space.names:
-            return _StartBatch(first, [not optima] * len(first))
+        space, settings, options, optima = self.space, self.settings, self.options, self.optima
+        missing = max(self.starts - len(first), 0)
+        near = missing // 2 if number else self.starts * bool(optima)
+        if not (missing or near) or not space.names:
+            return _StartBatch(first, [number == 0] * len(first))
         samples = space.sample(options.candidates_per_parameter * (1 + len(space.names)), rng)
-        half = missing // 2 if optima else 0
-        fresh, count = self.fresh_starts(easiest, samples, missing - half)
-        if not optima:
-            return _StartBatch(first + fresh, [True] * len(first + fresh), count)
-        perturbed = perturbed_starts(space, _best(optima, options.parents), samples, rng, options.start_points)
+        fresh, count = self.fresh_starts(easiest, samples, missing - near * (number > 0))
+        if not near:
+            return _StartBatch(first + fresh, [number == 0] * len(first) + [True] * len(fresh), count)
+        torques = torque_rows(self.problem.structure, space)
+        parents = _best(optima, options.parents)
+        perturbed = perturbed_starts(space, parents, samples, rng, torques, options.start_points)
         count += easiest.count(perturbed.shape[1])
         tuned: list[Array] = []
         if easiest is self.problem:
-            tuned, tuning = self.starts_at_peaks(half // 2, rng)
+            tuned, tuning = self.starts_at_peaks(near // 2, rng)
             count += tuning
-        rest = best_diverse(easiest, space, settings, perturbed, half - len(tuned), options.start_points)
-        independent = [False] * len(first) + [True] * len(fresh) + [False] * len(tuned + rest)
+        rest = best_diverse(easiest, space, settings, perturbed, near - len(tuned), options.start_points)
+        independent = [number == 0] * len(first) + [True] * len(fresh) + [False] * len(tuned + rest)
         return _StartBatch(first + fresh + tuned + rest, independent, count)
 
     def fresh_starts(
@@ -331,7 +335,7 @@ def first_starts(
 ) -> list[Array]:
     """Starts of the first batch, each of shape (P,), SI: those given, the declared one, and the best samples."""
     search = _Multistart(problem, space, settings, MULTISTART_DEFAULTS, starts)
-    return search.choose_starts(problem, _first_starts(space, given, starts), [], rng).starts
+    return search.choose_starts(problem, _first_starts(space, given, starts), rng).starts
 
 
 def growing_horizons(share: float, options: MultistartOptions = MULTISTART_DEFAULTS) -> Iterator[float]:

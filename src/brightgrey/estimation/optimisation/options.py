@@ -71,6 +71,7 @@ class StartPointOptions:
     linear_shift: float = 0.2  #: Factor of these for linear parameters.
     #: Numbers of parameters of a perturbed start that are sampled anew, beside half of them.
     redrawn: tuple[int, ...] = (1, 2, 3)
+    redrawn_torques: float = 0.3  #: Share of the perturbed starts in which all torques at the masses are sampled anew.
     exchanged_share: float = 0.3  #: Share of the perturbed starts in which the parts of the drive exchange their roles.
     scan_simulations: int = 1024  #: Simulations of a resonance scan.
     scan_neighbours: int = 2  #: Half frequency lines to both sides among which a resonance has to be the best.

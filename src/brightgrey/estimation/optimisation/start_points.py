@@ -10,12 +10,21 @@ from numpy.typing import NDArray
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.options import START_POINT_DEFAULTS, StartPointOptions
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.segments import split_recordings
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
+from brightgrey.kit import Structure
 from brightgrey.simulation import Settings
 
-__all__ = ["best_diverse", "given_starts", "perturbed_starts", "resonance_scan", "starts_at_residual_peaks"]
+__all__ = [
+    "best_diverse",
+    "given_starts",
+    "perturbed_starts",
+    "resonance_scan",
+    "starts_at_residual_peaks",
+    "torque_rows",
+]
 
 
 def given_starts(space: ParameterSpace, given: Sequence[Mapping[str, float]]) -> list[Array]:
@@ -178,9 +187,12 @@ def perturbed_starts(
     parents: Sequence[Array],
     fresh: Array,
     rng: np.random.Generator,
+    torques: Sequence[int] = (),
     options: StartPointOptions = START_POINT_DEFAULTS,
 ) -> Array:
     """Perturb optima: sample some parameters anew, or exchange the roles of parts, and shift all others a little.
+
+    The torques at the masses share what they explain. So all of them are sampled anew together in a part of the copies.
 
     Parameters
     ----------
@@ -190,6 +202,8 @@ def perturbed_starts(
     fresh : ndarray, shape (P, K)
         Samples from which the parameters that are sampled anew are taken.
     rng : numpy.random.Generator
+    torques : sequence of int
+        Rows of the torques at the masses, see `torque_rows`.
     options : StartPointOptions
 
     Returns
@@ -214,7 +228,18 @@ def perturbed_starts(
     near = np.clip(theta + np.where(space.log[:, None], shift, options.linear_shift * shift), low, high)
     rank = rng.random(theta.shape).argsort(axis=0)
     redrawn = rank < np.where(exchanged, 0, rng.choice([*options.redrawn, len(theta) // 2], count))
+    if torques:
+        together: NDArray[np.bool_] = np.zeros(theta.shape, np.bool_)
+        together[list(torques)] = True
+        redrawn = np.where(np.less(rng.random(count), options.redrawn_torques), together, redrawn)
     return space.from_scaled(np.where(redrawn, space.to_scaled(fresh), near))
+
+
+def torque_rows(structure: Structure, space: ParameterSpace) -> list[int]:
+    """Rows of the parameters of all torques at the masses, and of the width in which friction reverses."""
+    placed = (p for p in structure.beside if p.effect.where == "mass")
+    names = {FRICTION_WIDTH, *(p.parameter(q.symbol) for p in placed for q in p.effect.parameters)}
+    return [i for i, name in enumerate(space.names) if name in names]
 
 
 def _diverse(theta: Array, cost: Array, count: int, min_distance: float) -> list[int]:

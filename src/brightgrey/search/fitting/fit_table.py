@@ -86,8 +86,7 @@ class FitTable:
         self._order = {s: i for i, s in enumerate(structures)}
         self._first = default_anchors(structures) if anchors is None else list(anchors)
         self.agreeing: dict[Structure, int] = {}  # independent starts that have ended at the best optimum
-        self._sought: set[Structure] = set()
-        self._fields = 0  # calls of `restart_many`, each with starts of its own
+        self._sought, self._fields = set[Structure](), 0  # calls of `restart_many`, each with starts of its own
         self._followed: set[tuple[Structure, Structure, float]] = set()
         self._offered: set[tuple[Structure, Structure, float]] = set()
 
@@ -158,7 +157,7 @@ class FitTable:
     def restart_many(
         self, structures: Sequence[Structure], patience: int, workers: Executor, fields: int = 1
     ) -> set[Structure]:
-        """Fit structures by multistart, with their own optimum and that of a much better supermodel among the starts.
+        """Fit structures by multistart, with their own optimum and those of much better fits among the starts.
 
         Every call takes other random starts.
 
@@ -239,10 +238,11 @@ class FitTable:
         return sum(spent.samples for spent in self.spent)
 
     def _ahead(self, fitted: StructureFit) -> list[StructureFit]:
-        """Best of the smallest supermodels that fit much better, as a list of at most one."""
+        """Fits that are much better: of the smallest supermodels, and of all with a hard limit if it has one, too."""
         around = [self._behind(t) for t in minimal_supermodels(fitted.structure, self.done)]
-        ahead = [f for f in around if f.cost < REFIT.clear_gain * fitted.cost]
-        return sorted(ahead, key=lambda f: f.cost)[:1]
+        leaders = [f for s, f in self.done.items() if fitted.structure.has_hard_limit and s.has_hard_limit]
+        best = [min(some, key=lambda f: f.cost, default=fitted) for some in (around, leaders)]
+        return list({f.structure: f for f in best if f.cost < REFIT.clear_gain * fitted.cost}.values())
 
     def _behind(self, s: Structure) -> StructureFit:
         """Fit of a structure, or of the one without its redundant effects, whose optimum it has."""
