@@ -4,8 +4,8 @@
     python bench/recovery.py run 0 50 --noise 0.01 --masses 2 --without backlash delay --out small.jsonl.gz
     python bench/recovery.py run 0 50 --seed 41 --noise 0.01 --grammar drive --out drive.jsonl.gz
     python bench/recovery.py run 0 50 --seed 75 --noise 0.01 --grammar drive --truths drive
-    python bench/recovery.py run 0 50 --seed 81 --noise 0.01 --grammar drive --sensors velocity velocity@2
-    python bench/recovery.py run 0 50 --seed 82 --noise 0.01 --grammar drive --sensors speed@2
+    python bench/recovery.py run 0 100 --seed 83 --noise 0.01 --grammar drive --sensors velocity velocity@2
+    python bench/recovery.py run 0 60 --seed 84 --noise 0.01 --grammar drive --sensors speed@2
     python bench/recovery.py table --seed 18
     python bench/recovery.py table --seed 105 --with-seeds 106 107    rows of several seeds together
 
