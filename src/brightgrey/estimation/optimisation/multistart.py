@@ -7,7 +7,7 @@ measures help against them:
   limits, which make the cost rugged, that part grows step by step.
 - Other batches begin with output feedback of decreasing gain
   (:mod:`~brightgrey.estimation.problem.output_feedback`); with hard limits every second one.
-- Later batches hold perturbed copies of the best optima, with some parameters sampled anew (iterated local search).
+- Later batches, and with given optima the first, hold perturbed copies of the best ones (iterated local search).
 - Some starts have a resonance at a peak of the residual of the best optimum.
 - Where batches bring nothing new, resonances are scanned line by line.
 - Every batch holds fresh samples, so that no optimum is final.
