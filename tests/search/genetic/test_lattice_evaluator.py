@@ -246,6 +246,14 @@ def test_genetic_search__structure_not_bred__has_tree(briefly_loose):
     pytest.fail("the largest structure was bred from every seed")
 
 
+def test_genetic_search__effects_that_are_held_back__bred_from_the_start(task):
+    """Multistarts are made among the others: all structures with these are too many to be listed."""
+    larger = Grammar("larger", FEW.places, {"coulomb": (2,), "viscous": (2,)})
+    run = genetic_search(task, BRIEF, 1, grammar=larger)
+    assert any("@2" in str(e.job.structure) for e in run.evaluations)
+    assert run.best.job.structure == PAPER.parse("two_mass+coulomb")
+
+
 def lost_of(relatives):
     return {s for s in ALL if relatives.has_lost(s)}
 
