@@ -185,27 +185,28 @@ class Asked(Executor):
         return result
 
 
-def test_restart_many__better_supermodel__its_optimum_is_a_start(task):
-    costs = {"two_mass": 100.0, "two_mass+coulomb": 95.0, "two_mass+viscous": 60.0, "two_mass+backlash": 40.0}
+@pytest.mark.parametrize(
+    ("costs", "begun"),
+    [
+        (
+            {"two_mass": 100.0, "two_mass+coulomb": 95.0, "two_mass+viscous": 60.0, "two_mass+backlash": 40.0},
+            {"two_mass": ["two_mass+backlash"], "two_mass+coulomb": []},
+        ),
+        (  # it has found the gap, whatever else it has and lacks
+            {"two_mass+viscous+backlash": 100.0, "three_mass+coulomb+backlash": 40.0, "two_mass+coulomb": 30.0},
+            {"two_mass+viscous+backlash": ["three_mass+coulomb+backlash"], "three_mass+coulomb+backlash": []},
+        ),
+    ],
+    ids=["better supermodel", "best fit with a hard limit"],
+)
+def test_restart_many__much_better_fit__its_optimum_is_a_start(task, costs, begun):
     names = dict(zip(costs, map(PAPER.parse, costs), strict=True))
     fits = FitTable(task, list(names.values()))
     fits.done.update({s: StructureFit(s, {}, costs[name], complexity(s)) for name, s in names.items()})
     asked = Asked(fits)
-    fits.restart_many([names["two_mass"], names["two_mass+coulomb"]], 1, asked)
-    begun = [[str(f.structure) for f in known] for *_, known, _ in asked.calls]
-    assert begun == [["two_mass", "two_mass+backlash"], ["two_mass+coulomb"]]
-
-
-def test_restart_many__hard_limit__begins_at_the_best_fit_with_one_as_well(task):
-    """It has found the gap, whatever else it has and lacks."""
-    costs = {"two_mass+viscous+backlash": 100.0, "three_mass+coulomb+backlash": 40.0, "two_mass+coulomb": 30.0}
-    names = dict(zip(costs, map(PAPER.parse, costs), strict=True))
-    fits = FitTable(task, list(names.values()))
-    fits.done.update({s: StructureFit(s, {}, costs[name], complexity(s)) for name, s in names.items()})
-    asked = Asked(fits)
-    fits.restart_many([names["two_mass+viscous+backlash"], names["three_mass+coulomb+backlash"]], 1, asked)
-    begun = [[str(f.structure) for f in known] for *_, known, _ in asked.calls]
-    assert begun == [["two_mass+viscous+backlash", "three_mass+coulomb+backlash"], ["three_mass+coulomb+backlash"]]
+    fits.restart_many([names[name] for name in begun], 1, asked)
+    starts = [[str(f.structure) for f in known] for *_, known, _ in asked.calls]
+    assert starts == [[name, *more] for name, more in begun.items()]
 
 
 def test_restart_many__supermodel_with_a_redundant_effect__begins_where_it_has_its_optimum_from(task):
@@ -353,3 +354,27 @@ def test_best_starts__early_termination__same_choice(task, rng):
     chosen, count = best_starts(task, problem, space, tried, 2)
     np.testing.assert_array_equal(chosen, wanted)
     assert count == 25
+
+
+@pytest.mark.parametrize("worthwhile", [True, False])
+@pytest.mark.parametrize("worse", ["two_mass", "two_mass+coulomb"])
+def test_fit_table__should_refit_false__no_second_fit(task, worse, worthwhile):
+    """A relative's optimum that is better, a larger one's or a smaller one's, is not worth another fit otherwise."""
+    simple, worse, truth = map(PAPER.parse, ("one_mass", worse, "two_mass+coulomb"))
+    asked = []
+
+    def should_refit(structure, cost):
+        asked.append((structure, cost))
+        return worthwhile
+
+    fits = FitTable(task, [simple, PAPER.parse("two_mass"), truth], should_refit=should_refit)
+    with thread_pool(None) as executor:
+        fits.add([PAPER.parse("two_mass"), truth], executor)
+        fits.done[worse] = replace(fits.done[worse], cost=1e9)
+        before = len(fits.log)
+        fits.add([simple], executor)
+    again = [f.structure for _, f in fits.log[before:] if f.structure == worse]
+    assert len(again) == worthwhile
+    assert {s for s, _ in asked} >= {worse}
+    larger = [cost for s, cost in asked if s == worse and cost > 0.0]
+    assert larger == [fits.done[truth].cost] * len(larger)  # what it would be handed

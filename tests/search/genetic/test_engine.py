@@ -5,8 +5,9 @@ import dataclasses
 import pytest
 
 from brightgrey.errors import SettingsError
-from brightgrey.kit import PAPER
-from brightgrey.search.genetic import GeneticSettings, history_csv
+from brightgrey.kit import PAPER, Grammar
+from brightgrey.search.genetic import GeneticSettings, genetic_search, history_csv
+from brightgrey.search.genetic.settings import TUNED_SETTINGS
 from support.genetic_runs import search_with
 
 SMALL = GeneticSettings(generations=8)
@@ -156,3 +157,13 @@ def test_a_smaller_grammar(draw, estimate):
     assert {str(e.job.structure) for e in run.evaluations} <= {
         *("one_mass", "two_mass", "one_mass+viscous", "two_mass+viscous"),
     }
+
+
+def test_grammar_that_holds_effects_back__they_are_bred_from_the_start(task):
+    """Multistarts are made among the others: all structures with these are too many to be listed."""
+    places = dict.fromkeys(("one_mass", "two_mass", "coulomb", "viscous", "gravity"), (1,))
+    larger = Grammar("larger", places, {"coulomb": (2,), "viscous": (2,)})
+    brief = dataclasses.replace(TUNED_SETTINGS, population=4, generations=3)
+    run = genetic_search(task, brief, 1, grammar=larger)
+    assert any("@2" in str(e.job.structure) for e in run.evaluations)
+    assert run.best.job.structure == PAPER.parse("two_mass+coulomb")

@@ -246,14 +246,6 @@ def test_genetic_search__structure_not_bred__has_tree(briefly_loose):
     pytest.fail("the largest structure was bred from every seed")
 
 
-def test_genetic_search__effects_that_are_held_back__bred_from_the_start(task):
-    """Multistarts are made among the others: all structures with these are too many to be listed."""
-    larger = Grammar("larger", FEW.places, {"coulomb": (2,), "viscous": (2,)})
-    run = genetic_search(task, BRIEF, 1, grammar=larger)
-    assert any("@2" in str(e.job.structure) for e in run.evaluations)
-    assert run.best.job.structure == PAPER.parse("two_mass+coulomb")
-
-
 def lost_of(relatives):
     return {s for s in ALL if relatives.has_lost(s)}
 
@@ -326,30 +318,6 @@ def test_can_still_win__gain_below_resolution__smaller_structure_wins(sought, ta
     relatives = sought({TOP: 0.9 * floor, FRICTION: floor}, task=coarse)
     assert relatives.can_still_win(FRICTION, floor)
     assert TRUTH in lost_of(relatives)
-
-
-@pytest.mark.parametrize("worthwhile", [True, False])
-@pytest.mark.parametrize("worse", ["two_mass", "two_mass+coulomb"])
-def test_fit_table__should_refit_false__no_second_fit(task, worse, worthwhile):
-    """A relative's optimum that is better, a larger one's or a smaller one's, is not worth another fit otherwise."""
-    simple, worse, truth = map(PAPER.parse, ("one_mass", worse, "two_mass+coulomb"))
-    asked = []
-
-    def should_refit(structure, cost):
-        asked.append((structure, cost))
-        return worthwhile
-
-    fits = FitTable(task, [simple, PAPER.parse("two_mass"), truth], should_refit=should_refit)
-    with thread_pool(None) as executor:
-        fits.add([PAPER.parse("two_mass"), truth], executor)
-        fits.done[worse] = replace(fits.done[worse], cost=1e9)
-        before = len(fits.log)
-        fits.add([simple], executor)
-    again = [f.structure for _, f in fits.log[before:] if f.structure == worse]
-    assert len(again) == worthwhile
-    assert {s for s, _ in asked} >= {worse}
-    larger = [cost for s, cost in asked if s == worse and cost > 0.0]
-    assert larger == [fits.done[truth].cost] * len(larger)  # what it would be handed
 
 
 def test_identify__new_structures__optima_continued_to_submodels(task, monkeypatch):

@@ -197,22 +197,21 @@ class _Multistart:
         """
         space, settings, options, optima = self.space, self.settings, self.options, self.optima
         missing = max(self.starts - len(first), 0)
-        near = missing // 2 if number else self.starts * bool(optima)
-        if not (missing or near) or not space.names:
+        beside = self.starts if optima else 0
+        wanted, near = (missing - missing // 2, missing // 2) if number else (missing, beside)
+        if not (wanted or near) or not space.names:
             return _StartBatch(first, [number == 0] * len(first))
         samples = space.sample(options.candidates_per_parameter * (1 + len(space.names)), rng)
-        fresh, count = self.fresh_starts(easiest, samples, missing - near * (number > 0))
-        if not near:
-            return _StartBatch(first + fresh, [number == 0] * len(first) + [True] * len(fresh), count)
-        torques = torque_rows(self.problem.structure, space)
-        parents = _best(optima, options.parents)
-        perturbed = perturbed_starts(space, parents, samples, rng, torques, options.start_points)
-        count += easiest.count(perturbed.shape[1])
-        tuned: list[Array] = []
-        if easiest is self.problem:
-            tuned, tuning = self.starts_at_peaks(near // 2, rng)
-            count += tuning
-        rest = best_diverse(easiest, space, settings, perturbed, near - len(tuned), options.start_points)
+        fresh, count = self.fresh_starts(easiest, samples, wanted)
+        tuned, rest = list[Array](), list[Array]()
+        if near:
+            torques, parents = torque_rows(self.problem.structure, space), _best(optima, options.parents)
+            perturbed = perturbed_starts(space, parents, samples, rng, torques, options.start_points)
+            count += easiest.count(perturbed.shape[1])
+            if easiest is self.problem:
+                tuned, tuning = self.starts_at_peaks(near // 2, rng)
+                count += tuning
+            rest = best_diverse(easiest, space, settings, perturbed, near - len(tuned), options.start_points)
         independent = [number == 0] * len(first) + [True] * len(fresh) + [False] * len(tuned + rest)
         return _StartBatch(first + fresh + tuned + rest, independent, count)
 

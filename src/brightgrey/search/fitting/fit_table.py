@@ -86,7 +86,8 @@ class FitTable:
         self._order = {s: i for i, s in enumerate(structures)}
         self._first = default_anchors(structures) if anchors is None else list(anchors)
         self.agreeing: dict[Structure, int] = {}  # independent starts that have ended at the best optimum
-        self._sought, self._fields = set[Structure](), 0  # calls of `restart_many`, each with starts of its own
+        self._sought = set[Structure]()
+        self._fields = 0  # calls of `restart_many`, each with starts of its own
         self._followed: set[tuple[Structure, Structure, float]] = set()
         self._offered: set[tuple[Structure, Structure, float]] = set()
 
@@ -337,9 +338,8 @@ class FitTable:
 
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
-            larger = min(
-                (self.done[t] for t in around if not self.done[t].redundant_effects), key=lambda f: f.cost, default=own
-            )
+            whole = [self.done[t] for t in around if not self.done[t].redundant_effects]
+            larger = min(whole, key=lambda f: f.cost, default=own)
             telling = larger.cost < min(REFIT.clear_gain * own.cost, near) and self._should_refit(s, larger.cost)
             trail = s, larger.structure, larger.cost
             if not telling or trail in self._followed:

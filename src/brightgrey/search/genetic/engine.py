@@ -112,8 +112,12 @@ def _next_generation(
     chances = criterion(settings.criterion, settings.k_p).chances([e.value for e in current], independent)
     children = offspring([e.tree for e in current], chances, settings, rules, draw, rng)
     tried = {e.job.structure for e in done}
+
+    def is_tried(structure: Structure) -> bool:
+        return structure in tried or has_lost(structure)
+
     best = [e.tree for e in Run(tuple(done)).structures() if not e.result.idle]
-    close = untried_neighbours(best, lambda s: s in tried or has_lost(s), settings, rules, draw, rng)
+    close = untried_neighbours(best, is_tried, settings, rules, draw, rng)
     tried |= {neighbour.tree.structure for neighbour in close}
-    children = remutate_duplicates(children, lambda s: s in tried or has_lost(s), settings, rules, draw, rng)
+    children = remutate_duplicates(children, is_tried, settings, rules, draw, rng)
     return (*(Offspring(tree, (), "elite") for tree in best[: settings.elite]), *close, *children)
