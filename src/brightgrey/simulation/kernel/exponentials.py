@@ -41,8 +41,27 @@ def mode_matrix(shape: Any, plant: Any, mode: Any, A: Any) -> None:
 
 @inner
 def _multiply(n: Any, columns: Any, X: Any, Y: Any, at: Any, stride: Any, step: Any, out: Any) -> None:
-    """Out = X Y for an n by n matrix X and `columns` columns of Y; entry (i, c) at `at + i stride + c step`."""
-    for i in range(n):
+    """Out = X Y for an n by n matrix X and `columns` columns of Y; entry (i, c) at `at + i stride + c step`.
+
+    Y is larger than the first cache. So four rows of X are multiplied by every column that is read.
+    """
+    full = n - n % 4
+    for i in range(0, full, 4):
+        for c in range(columns):
+            y = get(Y, at + c * step, None)
+            first, second = get(X, i * n, None) * y, get(X, (i + 1) * n, None) * y
+            third, fourth = get(X, (i + 2) * n, None) * y, get(X, (i + 3) * n, None) * y
+            for j in range(1, n):
+                y = get(Y, at + j * stride + c * step, None)
+                first = first + get(X, i * n + j, None) * y
+                second = second + get(X, (i + 1) * n + j, None) * y
+                third = third + get(X, (i + 2) * n + j, None) * y
+                fourth = fourth + get(X, (i + 3) * n + j, None) * y
+            put(out, at + i * stride + c * step, None, first)
+            put(out, at + (i + 1) * stride + c * step, None, second)
+            put(out, at + (i + 2) * stride + c * step, None, third)
+            put(out, at + (i + 3) * stride + c * step, None, fourth)
+    for i in range(full, n):
         for c in range(columns):
             total = get(X, i * n, None) * get(Y, at + c * step, None)
             for j in range(1, n):
@@ -51,8 +70,8 @@ def _multiply(n: Any, columns: Any, X: Any, Y: Any, at: Any, stride: Any, step: 
 
 
 @inner
-def _compose(n: Any, channels: Any, first: Any, length: Any, second: Any, out: Any, skip: Any) -> None:
-    """Propagator over `first` (of `length`) and then `second`, kept as `first` in the lanes where skip > 0.
+def _compose(n: Any, channels: Any, first: Any, length: Any, second: Any, out: Any) -> None:
+    """Propagator over `first` (of `length`) and then `second`.
 
     Propagators are stacked as matrix (n * n rows) and columns (n rows each): value and slope of u, the constant,
     value and slope of every F.
@@ -74,8 +93,6 @@ def _compose(n: Any, channels: Any, first: Any, length: Any, second: Any, out: A
                 None,
                 get(out, value + n, None) + length * start + get(second, value + n, None),
             )
-    for r in range(n * n + columns * n):
-        put(out, r, None, choose_less(0.0, skip, get(first, r, None), get(out, r, None)))
 
 
 @inner
@@ -157,9 +174,10 @@ def propagator_over(n: Any, channels: Any, plant: Any, A: Any, length: Any, out:
     _taylor(n, channels, plant, A, part, out, spare)
     for doubling in range(most):
         done = splat(doubling + 0.5, None) - get(scaling, 0, None)
-        _compose(n, channels, out, part, out, spare, done)
+        _compose(n, channels, out, part, out, spare)
         part = choose_less(0.0, done, part, part + part)
-        _copy_rows(rows, spare, out)
+        for r in range(rows):
+            put(out, r, None, choose_less(0.0, done, get(out, r, None), get(spare, r, None)))
 
 
 @inner
@@ -302,9 +320,8 @@ def fill_propagator_tables(block: Any) -> None:
         mode_matrix(shape, plant, mode, A)
         length = splat(tick / 3.0, None)
         propagator_over(n, m, plant, A, length, third, spare, work.scratch)
-        never = splat(-1.0, None)
-        _compose(n, m, third, length, third, half, never)
-        _compose(n, m, half, length + length, third, full, never)
+        _compose(n, m, third, length, third, half)
+        _compose(n, m, half, length + length, third, full)
         h, span = tick, 0.0
         for level in range(shape.ticks + 1):
             table = skip(work.tables, (mode * (shape.ticks + 1) + level) * size)
@@ -313,10 +330,10 @@ def fill_propagator_tables(block: Any) -> None:
                 _copy_rows(rows, full, unit)
                 span = h
             if level < shape.ticks:
-                _compose(n, m, third, splat(h / 3.0, None), third, spare, never)
-                _copy_rows(rows, spare, third)
-                _compose(n, m, full, splat(h, None), full, spare, never)
-                _copy_rows(rows, spare, full)
+                _compose(n, m, third, splat(h / 3.0, None), third, spare)
+                third, spare = spare, third
+                _compose(n, m, full, splat(h, None), full, spare)
+                full, spare = spare, full
             h *= 2.0
         if shape.points > 1:
             _fill_inner_points(shape, plant, mode, unit, span, work)

@@ -16,13 +16,26 @@ from brightgrey.simulation.kernel.machine.memory_layout import (
     table_rows,
     work_of,
 )
-from brightgrey.simulation.kernel.machine.simd import LANES, get, put, real, skip, whole
+from brightgrey.simulation.kernel.machine.simd import (
+    LANES,
+    choose_lanes,
+    choose_less,
+    get,
+    lanes_not_less,
+    put,
+    real,
+    set_whole,
+    skip,
+    splat,
+    whole,
+)
 from brightgrey.simulation.kernel.tolerances import TOLERANCES
 
 __all__ = ["input_knot_weights"]
 
 
 _THIRDS = 3  # spans from a knot to the end of a step, to its stage or to an inner point end at thirds of a tick
+_SPAN = 0  # row of the spans; after it come times, numbers of ticks, and for each power of two the lanes that have it
 
 
 @inner
@@ -62,39 +75,64 @@ def _ramp_start(n: Any, rest: Any, lane: Any, starts: Any, p: Any) -> None:
 
 
 @inner
-def _ramp_response(shape: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any, p: Any, starts: Any) -> None:
-    """Effect p of a ramp of unit slope (held input: a unit jump) on the state, `span` seconds after its start."""
+def _ramp_response(shape: Any, mode: Any, tick: Any, work: Any, p: Any, starts: Any, spans: Any) -> None:
+    """Effects p of a ramp of unit slope (held input: a unit jump) on the state, a span of every lane after its start.
+
+    The spans are whole ticks and a rest. After the rest come the powers of two of which the ticks are the sum.
+    """
     n = shape.n
     width = n + 4 + 2 * shape.channels
-    whole = int(
-        span / tick + 2.0 * TOLERANCES.same_span
-    )  # twice, so that a whole tick in `_ramp_starts` is one here, too
-    rest = max(span - whole * tick, 0.0)
-    _ramp_start(n, rest, lane, starts, p)
-    time = rest
+    times, counts, steps = skip(spans, 1), skip(spans, 2), skip(spans, 3)
+    for lane in range(LANES):
+        span = get(spans, _SPAN, lane)
+        # twice, so that a whole tick in `_ramp_starts` is one here, too
+        count = int(span / tick + 2.0 * TOLERANCES.same_span)
+        rest = max(span - count * tick, 0.0)
+        _ramp_start(n, rest, lane, starts, p)
+        put(times, 0, lane, rest)
+        put(counts, 0, lane, float(count))
+    count = get(counts, 0, None)
+    for level in range(shape.ticks, -1, -1):
+        size = splat(float(1 << level), None)
+        bits = lanes_not_less(count, size)
+        set_whole(steps, level, bits)
+        count = choose_lanes(bits, count - size, count)
     q = work.scratch
-    rows = table_rows(shape)
+    time = get(times, 0, None)
     for level in range(shape.ticks + 1):
-        if (whole >> level) & 1:
-            table = skip(work.tables, (mode * (shape.ticks + 1) + level) * rows)
-            for i in range(n):
-                total = get(table, i * width + n, lane)
-                if shape.hold == 1:
-                    total = total * time + get(table, i * width + n + 1, lane)
-                for j in range(n):
-                    total += get(table, i * width + j, lane) * get(p, j, lane)
-                put(q, i, lane, total)
-            for i in range(n):
-                put(p, i, lane, get(q, i, lane))
-            time += tick * (1 << level)
+        bits = whole(steps, level)
+        if bits == 0:
+            continue
+        table = skip(work.tables, (mode * (shape.ticks + 1) + level) * table_rows(shape))
+        for i in range(n):
+            total = get(table, i * width + n, None)
+            if shape.hold == 1:
+                total = total * time + get(table, i * width + n + 1, None)
+            for j in range(n):
+                total = total + get(table, i * width + j, None) * get(p, j, None)
+            put(q, i, None, total)
+        for i in range(n):
+            put(p, i, None, choose_lanes(bits, get(q, i, None), get(p, i, None)))
+        time = choose_lanes(bits, time + splat(tick * (1 << level), None), time)
 
 
 @inner
-def _row_product(n: Any, table: Any, at: Any, p: Any, lane: Any) -> Any:
-    total = 0.0
+def _row_product(n: Any, table: Any, at: Any, p: Any) -> Any:
+    total = splat(0.0, None)
     for i in range(n):
-        total += get(table, at + i, lane) * get(p, i, lane)
+        total = total + get(table, at + i, None) * get(p, i, None)
     return total
+
+
+@inner
+def _set_spans(shape: Any, plant: Any, level: Any, before: Any, tick: Any, spans: Any) -> None:
+    """Write the spans in s from the knot within a step of 2^level ticks to the part `before` of it before its end."""
+    size = 1 << level
+    per_step = (1 << shape.ticks) * shape.base_steps
+    for lane in range(LANES):
+        knot = get(plant.delay, 1, lane) * per_step
+        after = size - (knot - int(knot / size) * size) if knot > 0.0 else 0.0  # ticks to the end of the step
+        put(spans, _SPAN, lane, max(after - size * before, 0.0) * tick)
 
 
 @Entry
@@ -104,38 +142,34 @@ def input_knot_weights(block: Any) -> None:
     tick = real(call_of(block).numbers, 0) / (shape.base_steps * (1 << shape.ticks))
     n, m = shape.n, shape.channels
     width = n + 4 + 2 * m
-    ticks = 1 << shape.ticks
     p = skip(work.scratch, n)
     starts = skip(work.scratch, 2 * n)
+    spans = skip(work.scratch, 2 * n + _THIRDS * (n + 1))
     rows = table_rows(shape)
     for mode in range(1 << shape.limits):
         _ramp_starts(shape, plant, mode, tick, work, starts)
-        for lane in range(LANES):
-            knot = get(plant.delay, 1, lane) * ticks * shape.base_steps
-            if knot <= 0.0:
-                continue
-            knot -= int(knot / ticks) * ticks
-            for level in range(shape.ticks + 1):
-                size = 1 << level
-                table = skip(work.tables, (mode * (shape.ticks + 1) + level) * rows)
-                after = size - (knot - int(knot / size) * size)  # ticks from the knot to the end of the step
-                _ramp_response(shape, mode, after * tick, tick, work, lane, p, starts)
-                for i in range(n):
-                    put(table, i * width + n + 3 + 2 * m, lane, get(p, i, lane))
-                span = max(after - size * (2.0 / 3.0), 0.0) * tick
-                _ramp_response(shape, mode, span, tick, work, lane, p, starts)
-                at = end_rows(n, m) + n + 3 + 2 * m
-                for k in range(m):
-                    seen = get(plant.K, k, lane) * (span if shape.hold == 1 else 1.0 if span > 0.0 else 0.0)
-                    put(table, at + k * width, lane, _row_product(n, plant.H, k * n, p, lane) + seen)
-                points = points_of(shape, level)
-                for i in range(points if shape.limits > 0 else 0):
-                    if points > 1:
-                        span = max(after - size * (1.0 - (i + 1.0) / (points + 1.0)), 0.0) * tick
-                        _ramp_response(shape, mode, span, tick, work, lane, p, starts)
-                    for b in range(shape.limits):
-                        if (mode >> b) & 1:
-                            value = get(p, whole(plant.limited, b), lane)
-                        else:
-                            value = _row_product(n, plant.rate, b * n, p, lane)
-                        put(table, at + (m + b * shape.points + i) * width, lane, value)
+        for level in range(shape.ticks + 1):
+            table = skip(work.tables, (mode * (shape.ticks + 1) + level) * rows)
+            _set_spans(shape, plant, level, 0.0, tick, spans)
+            _ramp_response(shape, mode, tick, work, p, starts, spans)
+            for i in range(n):
+                put(table, i * width + n + 3 + 2 * m, None, get(p, i, None))
+            _set_spans(shape, plant, level, 2.0 / 3.0, tick, spans)
+            _ramp_response(shape, mode, tick, work, p, starts, spans)
+            at = end_rows(n, m) + n + 3 + 2 * m
+            span = get(spans, _SPAN, None)
+            seen = span if shape.hold == 1 else choose_less(0.0, span, splat(1.0, None), splat(0.0, None))
+            for k in range(m):
+                weight = _row_product(n, plant.H, k * n, p) + get(plant.K, k, None) * seen
+                put(table, at + k * width, None, weight)
+            points = points_of(shape, level)
+            for i in range(points if shape.limits > 0 else 0):
+                if points > 1:
+                    _set_spans(shape, plant, level, 1.0 - (i + 1.0) / (points + 1.0), tick, spans)
+                    _ramp_response(shape, mode, tick, work, p, starts, spans)
+                for b in range(shape.limits):
+                    if (mode >> b) & 1:
+                        value = get(p, whole(plant.limited, b), None)
+                    else:
+                        value = _row_product(n, plant.rate, b * n, p)
+                    put(table, at + (m + b * shape.points + i) * width, None, value)

@@ -141,7 +141,7 @@ def _work_places(shape: Shape) -> tuple[int, tuple[int, ...]]:
         series=SERIES_TERMS,
         course=1,
         fading=2,
-        scratch=5 * n + 3,
+        scratch=5 * n + 7,
         build=6 * propagator,
         watched_weights=2 * (n + 3 + 2 * m),
         lane_columns=modes * levels * LANES * (n + 4 + 2 * m) * int(column_rows(shape)),
