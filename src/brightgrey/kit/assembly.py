@@ -59,7 +59,8 @@ def assemble(
     """
     names = structure.parameters
     for name in values:
-        one_of(f"parameter of '{structure}'", name, names)
+        if name not in names:
+            one_of(f"parameter of '{structure}'", name, names)
     missing = [name for name in names if name not in values]
     if missing:
         raise SettingsError(f"no value for parameter {', '.join(missing)} of '{structure}'")

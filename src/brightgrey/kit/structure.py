@@ -137,7 +137,7 @@ class Structure:
             raise StructureError(f"'{text}': effects are joined by +, like {'+'.join(words)}")
         return cls.of(text.split("+"))
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the placed effects."""
         return tuple(str(p) for p in self.placed)

@@ -199,7 +199,7 @@ class Recording:
         """Number of samples."""
         return int(self.t.size)
 
-    @property
+    @cached_property
     def dt(self) -> float:
         """Sampling interval in s."""
         return interval(float(self.t[0]), float(self.t[-1]), self.samples - 1)

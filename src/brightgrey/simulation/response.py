@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -245,7 +246,7 @@ def _simulate_lanes(
         squares=address(y),
         square_limits=address(upper_limits),
         delayed=0,
-        **_entries(shape, delayed=bool(job.lowered.delay.any())),
+        **_entries(steps=shape.euler == 0, grouped=shape.group > 1, delayed=bool(job.lowered.delay.any())),
     )
     _run_batches(shape, plants, call, len(pick), job.threads)
     row, sample = np.nonzero(rejoined)
@@ -285,17 +286,17 @@ def _call_numbers(job: _Job) -> Array:
     return np.array([job.dt, level.error * scale, level.change * scale, diverged])
 
 
-def _entries(shape: Shape, *, delayed: bool) -> dict[str, int]:
+@cache
+def _entries(*, steps: bool, grouped: bool, delayed: bool) -> Mapping[str, int]:
     """Addresses of the compiled entries that a call needs; those that it does not need are not loaded."""
     prepare_kernel()
-    steps = shape.euler == 0
     return {
         "fill_propagator_tables": fill_propagator_tables.address() if steps else 0,
         "input_knot_weights": input_knot_weights.address() if steps and delayed else 0,
         "set_initial_state": set_initial_state.address(),
         "accept_or_refine": accept_or_refine.address() if steps else 0,
         "refine_lane": refine_lane.address() if steps else 0,
-        "refine_group": refine_group.address() if steps and shape.group > 1 else 0,
+        "refine_group": refine_group.address() if steps and grouped else 0,
         "locate_events": locate_events.address() if steps else 0,
         "euler_step": 0 if steps else euler_step.address(),
     }

@@ -35,7 +35,6 @@ __all__ = ["input_knot_weights"]
 
 
 _THIRDS = 3  # spans from a knot to the end of a step, to its stage or to an inner point end at thirds of a tick
-_SPAN = 0  # row of the spans; after it come times, numbers of ticks, and for each power of two the lanes that have it
 
 
 @inner
@@ -78,13 +77,14 @@ def _ramp_start(n: Any, rest: Any, lane: Any, starts: Any, p: Any) -> None:
 def _ramp_response(shape: Any, mode: Any, tick: Any, work: Any, p: Any, starts: Any, spans: Any) -> None:
     """Effects p of a ramp of unit slope (held input: a unit jump) on the state, a span of every lane after its start.
 
-    The spans are whole ticks and a rest. After the rest come the powers of two of which the ticks are the sum.
+    The spans, row 0 of `spans`, are whole ticks and a rest. After the rest come the powers of two of which the ticks
+    are the sum. The next rows hold times, numbers of ticks, and for each power of two the lanes that have it.
     """
     n = shape.n
     width = n + 4 + 2 * shape.channels
     times, counts, steps = skip(spans, 1), skip(spans, 2), skip(spans, 3)
     for lane in range(LANES):
-        span = get(spans, _SPAN, lane)
+        span = get(spans, 0, lane)
         # twice, so that a whole tick in `_ramp_starts` is one here, too
         count = int(span / tick + 2.0 * TOLERANCES.same_span)
         rest = max(span - count * tick, 0.0)
@@ -132,7 +132,7 @@ def _set_spans(shape: Any, plant: Any, level: Any, before: Any, tick: Any, spans
     for lane in range(LANES):
         knot = get(plant.delay, 1, lane) * per_step
         after = size - (knot - int(knot / size) * size) if knot > 0.0 else 0.0  # ticks to the end of the step
-        put(spans, _SPAN, lane, max(after - size * before, 0.0) * tick)
+        put(spans, 0, lane, max(after - size * before, 0.0) * tick)
 
 
 @Entry
@@ -157,7 +157,7 @@ def input_knot_weights(block: Any) -> None:
             _set_spans(shape, plant, level, 2.0 / 3.0, tick, spans)
             _ramp_response(shape, mode, tick, work, p, starts, spans)
             at = end_rows(n, m) + n + 3 + 2 * m
-            span = get(spans, _SPAN, None)
+            span = get(spans, 0, None)
             seen = span if shape.hold == 1 else choose_less(0.0, span, splat(1.0, None), splat(0.0, None))
             for k in range(m):
                 weight = _row_product(n, plant.H, k * n, p) + get(plant.K, k, None) * seen
