@@ -96,10 +96,11 @@ SECOND = {"J2": 0.06, "c1": 300.0, "d1": 0.1, "f_v": 0.01}
     [
         ("one_mass+coulomb+pendulum", {"M_C": 0.1, "G": 1.0, "k": 1.0, "phi_0": 0.0}, 2),  # a pole on the axis
         ("one_mass+ground_spring", {"c_g": 1.0}, 1),
-        (
+        pytest.param(
             "two_mass+viscous+backlash+pendulum@2",
             {**SECOND, "alpha": 0.02, "G@2": 1.0, "k@2": 1.0, "phi_0@2": 0.0},
             4,
+            marks=pytest.mark.long,
         ),
         (
             "two_mass+viscous+pendulum+pendulum@2",
@@ -115,6 +116,7 @@ def test_design__loads_that_depend_on_the_position__have_a_stable_cascade(struct
     assert found.state_feedback is found.observer_gain is found.noise is found.observer_margins is None
 
 
+@pytest.mark.long
 def test_design__friction_and_load_behind_a_gap__cascade_and_state_feedback_are_stable():
     """In the open gap the load coasts: nothing has to balance it."""
     structure = "two_mass+coulomb+viscous+coulomb@2+viscous@2+gravity@2+backlash"

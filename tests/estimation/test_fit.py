@@ -129,6 +129,7 @@ def test_fit__mte360__needs_the_second_mass(measured):
     assert two > 88.0
 
 
+@pytest.mark.long
 def test_fit__given_start_on_a_motion_that_begins_in_one_direction__is_not_left_for_a_worse_optimum(measured):
     """The first part of the recording, on which descents begin, tells friction and constant load hardly apart."""
     r = read_recording(

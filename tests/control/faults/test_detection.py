@@ -44,7 +44,11 @@ def test_fault_groups__of_all_effects__are_the_declared_faults():
 
 
 @pytest.mark.parametrize(
-    ("text", "faults"), [(PLAIN, (None, "friction", "load")), (GAP, (None, "friction", "load", "backlash"))]
+    ("text", "faults"),
+    [
+        (PLAIN, (None, "friction", "load")),
+        pytest.param(GAP, (None, "friction", "load", "backlash"), marks=pytest.mark.long),
+    ],
 )
 def test_detect_faults__one_fault__reports_this_fault_only(text, faults):
     cases = [case_of(text, 11, **(broken(text, guilty) if guilty else {})) for guilty in faults]
@@ -67,7 +71,10 @@ def test_detect_faults__gap_without_effect__is_not_decidable():
     ("factor", "std", "verdict", "words"),
     [
         (1.3, 0.11, "not decidable", "A change by 50 % is neither shown nor excluded"),
-        (1.15, 0.05, "as before", "is not shown to have changed by 10 % or more, and has not changed by 50 %"),
+        pytest.param(
+            *(1.15, 0.05, "as before", "is not shown to have changed by 10 % or more, and has not changed by 50 %"),
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_detect_faults__interval_without_one__never_said_to_be_as_before(factor, std, verdict, words):

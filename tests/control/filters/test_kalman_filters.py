@@ -160,6 +160,7 @@ def test_extended_filter__delayed_or_direct_disturbance__is_consistent(text, kin
     assert low < total < high
 
 
+@pytest.mark.long
 def test_gaussian_sum__unknown_gap_position__is_consistent():
     text = "two_mass+coulomb+viscous+backlash"
     structure, values = Structure.parse(text), values_of(text, alpha=0.2, c1=700.0, d1=0.1)

@@ -62,6 +62,7 @@ def test_initial_auto__noisy_position_at_rest__does_not_move(pole):
     assert moving <= 5
 
 
+@pytest.mark.long
 def test_initial_auto__noisy_position_at_rest__intervals_hold_the_truth():
     """The first sample is as noisy as the others: taken for exact, it left the truth outside three of ten intervals."""
     (q,) = reference(STRUCTURE, TRUE, drive(0.0, 0.0).u, DT, f_tanh=2.5, outputs=["position"])

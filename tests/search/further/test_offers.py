@@ -80,6 +80,7 @@ def test_effect_explains_all_beside_one_mass__neither_more_masses_nor_gaps_are_g
     assert max(s.masses for s in found.fitted) == 2
 
 
+@pytest.mark.long
 def test_friction_beside_a_gap__is_offered_beside_the_gap():
     task = simulated_task(
         "two_mass+coulomb+viscous+backlash+coulomb@2",

@@ -68,6 +68,7 @@ def test_moved_effects__friction_at_the_second_mass_only__takes_the_place_of_tha
     assert moved["coulomb@2"] < 0.5 * min(added.values())
 
 
+@pytest.mark.long
 def test_decide__friction_at_the_second_mass__is_found():
     task = recorded("two_mass+coulomb+viscous", {"coulomb@2": {"M_C@2": 0.25}})
     excluded = ("four_mass", "current_control", "delay", "stribeck", "gravity")
@@ -80,6 +81,7 @@ def test_decide__friction_at_the_second_mass__is_found():
     assert any("Coulomb friction at mass 2" in s for s in found.evidence.certificate.sentences())
 
 
+@pytest.mark.long
 def test_decide__shaft_that_hardens__takes_the_place_of_a_gap():
     task = recorded("two_mass+coulomb+viscous", {"cubic_spring": {"c_cubic": 800.0}})
     excluded = ("three_mass", "four_mass", "current_control", "delay", "stribeck", "gravity")
@@ -110,6 +112,7 @@ def test_decide__the_papers_effects_explain_it__offers_nothing():
     assert [str(m.structure) for m in found.evidence.minimal] == ["one_mass+coulomb+viscous"]
 
 
+@pytest.mark.long
 def test_decide__more_masses_required_than_would_be_offered__are_there():
     task = recorded("two_mass+coulomb+viscous", {"coulomb@2": {"M_C@2": 0.25}})
     excluded = ("stribeck", "gravity", "backlash", "current_control", "delay")

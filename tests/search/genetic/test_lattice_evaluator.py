@@ -191,6 +191,7 @@ def test_restart_leaders__largest_structure_not_bred__is_fitted(briefly_loose):
     assert dict(found.values).keys() == set(top.parameters)
 
 
+@pytest.mark.long
 def test_restart_leaders__larger_structures_not_fitted__ends(briefly_loose):
     """What is found with two masses is offered to those that are there, not to what comes after it."""
     task, _ = briefly_loose
@@ -203,6 +204,7 @@ def test_restart_leaders__larger_structures_not_fitted__ends(briefly_loose):
     assert structures[2] in fits.done
 
 
+@pytest.mark.long
 def test_restart_leaders__hard_limit__compared_with_largest_without(briefly_loose):
     """Beside a bare mass whatever was bred with a gap tells something, and is sought for nothing."""
     task, _ = briefly_loose

@@ -31,6 +31,7 @@ def test_first_order__little_noise__springs_and_directions_are_not_needed(clean)
     assert "it would have shown" in said["ground_spring"].reason
 
 
+@pytest.mark.long
 def test_first_order__much_noise__not_decidable():
     _, said = held_back(0.5)
     assert said["directional_viscous"].verdict == "not decidable"
