@@ -43,7 +43,7 @@ def mode_matrix(shape: Any, plant: Any, mode: Any, A: Any) -> None:
 def _multiply(n: Any, columns: Any, X: Any, Y: Any, at: Any, stride: Any, step: Any, out: Any) -> None:
     """Out = X Y for an n by n matrix X and `columns` columns of Y; entry (i, c) at `at + i stride + c step`.
 
-    Y is larger than the first cache. So four rows of X are multiplied by every column that is read.
+    With many states Y is larger than the first cache. So four rows of X are multiplied by every entry that is read.
     """
     full = n - n % 4
     for i in range(0, full, 4):
