@@ -62,7 +62,8 @@ def drawn_pair(rng: np.random.Generator) -> Pair:
         legal = []
         for p in grammar.placed:
             beside = not p.effect.masses and p not in common.placed and p.place <= last[p.effect.where]
-            if beside and not grammar.broken_rule(Structure((*common.placed, p))):
+            second_gap = p.effect.has_hard_limit and common.has_hard_limit  # the reference solves one
+            if beside and not second_gap and not grammar.broken_rule(Structure((*common.placed, p))):
                 legal.append(p)
         if len(legal) > 1:
             first, second = rng.permutation(len(legal))[:2]
