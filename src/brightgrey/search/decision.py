@@ -35,7 +35,7 @@ from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts
 from brightgrey.search.undecided.open_questions import open_questions
 from brightgrey.search.undecided.rivals import rival_to_offer, rivals_among, rivals_beyond
 
-__all__ = ["Decision", "Ranked", "decide_structures"]
+__all__ = ["Decision", "Ranked", "decide_structures", "evidence_of"]
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ def decide_structures(
         evidence = None
         try:
             border = search.run(everything=how == "exhaustive")
-            evidence = _evidence(search, border, grammar, exclude, ask=ask)
+            evidence = evidence_of(search, border, grammar, exclude, ask=ask)
         except (KeyboardInterrupt, Stopped):
             if not search.fits.done:
                 raise
@@ -201,7 +201,9 @@ def _masses_with_sensors(task: IdentificationTask, grammar: Grammar, exclude: Se
     return found if last > 1 else ()
 
 
-def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str], *, ask: bool) -> Evidence:
+def evidence_of(
+    search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str] = (), *, ask: bool = True
+) -> Evidence:
     """Verdicts and certificate of a border."""
     border, found, rivals = _rivalled(search, border, grammar, exclude)
     lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
