@@ -25,7 +25,10 @@ EFFECT = Effect(
         "A preload is the constant torque (gravity) beside it."
     ),
     matters="torque is needed to hold different positions: cable chains, balancers, hoses",
-    confused_with="gravity on an arm over a short way; a constant load, where the travel is small",
+    confused_with=(
+        "gravity on an arm over a short way; a constant load, where the travel is small; a spring at another mass, where "
+        "the shaft between them is stiff"
+    ),
     equation="M = -c_g q",
     source="the spring of paper eq. (1) with one end at rest",
     stage="gravity",

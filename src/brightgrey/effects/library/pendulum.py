@@ -70,7 +70,8 @@ EFFECT = Effect(
         "torque repeats with the position, up to 500 times over the travel"
     ),
     confused_with=(
-        "a constant load with a spring to the ground, over less than a quarter of a turn; other axes that move along"
+        "a constant load with a spring to the ground, over less than a quarter of a turn; the same load at another "
+        "mass, where the shaft between them is stiff; other axes that move along"
     ),
     equation="M = -G sin(k q + phi_0)",
     source="Wiebe et al. 2022, doi:10.21105/joss.03884 (torque-limited simple pendulum)",
