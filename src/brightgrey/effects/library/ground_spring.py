@@ -26,8 +26,8 @@ EFFECT = Effect(
     ),
     matters="torque is needed to hold different positions: cable chains, balancers, hoses",
     confused_with=(
-        "gravity on an arm over a short way; a constant load, where the travel is small; a spring at another mass, where "
-        "the shaft between them is stiff"
+        "gravity on an arm over a short way; a constant load, where the travel is small; a spring at another mass, "
+        "where the shaft between them is stiff"
     ),
     equation="M = -c_g q",
     source="the spring of paper eq. (1) with one end at rest",
