@@ -23,7 +23,14 @@ from brightgrey.exports.verification import compare_with_native, deviation, nati
 from brightgrey.model.files import write_files
 from brightgrey.recordings import Recording
 from brightgrey.simulation.plain import plain_response
-from support.models import first_period, model_with_values, random_model, random_models, random_structures
+from support.models import (
+    first_period,
+    model_with_intervals,
+    model_with_values,
+    random_model,
+    random_models,
+    random_structures,
+)
 
 PROGRAMS = {"c": ("gcc",), "fmu": ("gcc",), "matlab": ("octave-cli",), "latex": ("pdflatex",)}
 PACKAGES = {"fmu": "fmpy", "control": "control", "modelica": "rumoca"}
@@ -101,6 +108,15 @@ def test_export__gap_that_relaxes_within_a_step__moves_like_the_model(to, tmp_pa
         run = verification_run(numeric, np.full(20, 0.3), x0, "a gap that fades")
         write_files(tmp_path, exporter(to).files(numeric))
         assert deviation(run.y, exporter(to).verify(tmp_path, numeric, run).y) <= exporter(to).tolerance
+
+
+def test_latex__parameters__have_half_of_their_interval_beside_them():
+    text = exporter("latex").files(numeric_model(model_with_intervals(relative=0.1)))["drive.tex"].decode()
+    (row,) = (line for line in text.splitlines() if line.endswith("% J1"))
+    value, half = (
+        float(part.replace(r" \cdot 10^{", "e").strip("$}")) for part in row.split("&")[1].strip().split(r" \pm ")
+    )
+    assert half / value == pytest.approx(0.5 * (1.1 - 1.0 / 1.1), rel=0.05)
 
 
 @pytest.mark.long

@@ -67,9 +67,9 @@ def latex_name(name: str) -> str:
     return f"{head}_{{{below}}}" if below else head
 
 
-def latex_number(value: float) -> str:
-    """Six digits, powers of ten written as such."""
-    text = f"{value:.6g}"
+def latex_number(value: float, digits: int = 6) -> str:
+    """So many digits, powers of ten written as such."""
+    text = f"{value:.{digits}g}"
     mantissa, e, exponent = text.partition("e")
     return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if e else text
 

@@ -44,7 +44,7 @@ Identified by brightgrey %(version)s from input %(input)s. Equations in SI units
 %(outputs)s
 \end{align*}
 
-\subsection*{Parameters (units of the recording)}
+\subsection*{Parameters (units of the recording; $\pm$: half of the 95\,\%% interval)}
 \noindent
 \begin{tabular}{lllp{85mm}}
 %(parameters)s
@@ -153,8 +153,8 @@ def _output_equations(numeric: NumericModel) -> Iterable[str]:
 def _parameter_rows(numeric: NumericModel) -> Iterable[str]:
     for name, declared in numeric.model.structure.parameters.items():
         part = numeric.model.parameters[name]
-        deviation = "" if part.std is None else rf" \pm {part.std:.1g}".replace("e", r"\mathrm{e}")
-        value = f"{latex_number(part.value)}{deviation}"
+        half = "" if part.ci95 is None else rf" \pm {latex_number(0.5 * (part.ci95[1] - part.ci95[0]), 2)}"
+        value = f"{latex_number(part.value)}{half}"
         yield rf"${latex_name(name)}$ & ${value}$ & {escaped(part.unit)} & {escaped(declared.about)} \\ % {name}"
     if np.isinf(numeric.settings.f_tanh):
         return
