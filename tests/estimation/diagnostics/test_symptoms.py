@@ -336,7 +336,7 @@ def test_highest_peak__line_of_the_input__is_none():
 def test_detect_regressors__noise__is_rare(pole):
     rng, t = np.random.default_rng(9), np.linspace(0.0, 1.0, 1000)
     J = np.column_stack([np.sin(5.0 * t), t**2])
-    questions = [Candidate((t - 0.5)[:, None], "line"), Candidate(np.sin(40.0 * t)[:, None], "wave")]
+    questions = [Candidate(lambda: (t - 0.5)[:, None], "line"), Candidate(lambda: np.sin(40.0 * t)[:, None], "wave")]
     count = 0
     for _ in range(100):
         e = lfilter([1.0], [1.0, -pole], rng.standard_normal(1200))[200:]
@@ -350,7 +350,10 @@ def test_detect_regressors__have_their_size__once_per_kind():
     waves = [np.sin(w * t)[:, None] for w in (40.0, 41.0)]
     e = 0.5 * waves[0][:, 0] + 0.3 * (t - 0.5) + 0.1 * rng.standard_normal(1000)
     e = e - e.mean()
-    questions = [Candidate((t - 0.5)[:, None], "line", later=True), *(Candidate(w, "wave") for w in waves)]
+    questions = [
+        Candidate(lambda: (t - 0.5)[:, None], "line", later=True),
+        *(Candidate(lambda w=w: w, "wave") for w in waves),
+    ]
     first, second = detect_regressors(e, J, [1000], questions, 0.01)
     assert (first.number, second.number) == (1, 0)
     assert first.coefficients[0] == pytest.approx(0.5, rel=0.1)

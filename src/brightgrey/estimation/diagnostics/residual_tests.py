@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,7 +34,7 @@ class Detected(NamedTuple):
 class Candidate:
     """A candidate regressor."""
 
-    columns: Array  #: Shape (residuals, k).
+    columns: Callable[[], Array]  #: Makes its columns, shape (residuals, k).
     kind: str  #: Of several candidates of one kind, only the one with the largest margin is detected.
     later: bool = False  #: True if it is tested only when the residual follows no other any more.
     compared: int = 1  #: Like candidates of which this one explains most: chance has as many tries.
@@ -80,7 +80,7 @@ def detect_regressors(
         if detected is None:
             break
         found.append(detected)
-        columns = candidates[detected.number].columns
+        columns = candidates[detected.number].columns()
         remaining, known = remaining - columns @ detected.coefficients, np.column_stack([known, columns])
     return found
 
@@ -105,7 +105,7 @@ class _ScoreTest:
 
     def first_detected(self, candidates: dict[int, Candidate]) -> Detected | None:
         """Candidate that is significant by the corrected noise, in the order of the margins by the plain noise."""
-        shares = {k: self.share(c.columns) for k, c in candidates.items()}
+        shares = {k: self.share(c.columns()) for k, c in candidates.items()}
         material = [k for k in shares if shares[k] >= self.options.min_share]
         examined = sorted(material, key=lambda k: -shares[k])[: self.options.max_examined]
         margins = {k: self.margin(candidates[k], corrected=False)[0] for k in examined}
@@ -131,7 +131,7 @@ class _ScoreTest:
 
     def margin(self, candidate: Candidate, *, corrected: bool) -> tuple[float, Array]:
         """Log-likelihood ratio over its critical value, and coefficients; `corrected` noise is freed from the fit."""
-        columns, level = candidate.columns, self.level / candidate.compared
+        columns, level = candidate.columns(), self.level / candidate.compared
         new = self.new_basis(columns)
         noise = self.residual - new @ (new.T @ self.residual)
         if corrected:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.fft import rfft
+from numpy.fft import fft
 from numpy.typing import NDArray
 
 from brightgrey.arrays import Array
@@ -49,8 +49,8 @@ def highest_peak(
     """
     n = len(residual)
     tapers = max(options.min_tapers, n // options.samples_per_taper)
-    pieces = _eigenspectra(residual, tapers)
-    power = np.square(np.abs(pieces)).mean(axis=0)
+    own = _line_spectrum(residual)
+    power = _power(own, tapers)
     bins, around = _tested_bins(len(power), tapers, options)
     if not bins.size or not power.any():
         return None
@@ -62,27 +62,47 @@ def highest_peak(
         return None
     of_known = np.ones(bins.size)
     for x in (u, *known):
-        other = np.square(np.abs(_eigenspectra(x, tapers))).mean(axis=0)
+        other = _power(_line_spectrum(x), tapers)
         of_known = np.maximum(of_known, _ratio(other, bins, around, tapers, options))
     above /= of_known
     best = int(np.argmax(above))
     if not above[best] > 1.0:
         return None
     k = int(bins[best])
-    frequency = k / (n * dt)
-    of_input = _eigenspectra(u, tapers)[:, k]
-    cross = abs(np.vdot(of_input, pieces[:, k])) ** 2
-    powers = float(np.vdot(of_input, of_input).real * np.vdot(pieces[:, k], pieces[:, k]).real)
+    frequency = k / ((n + 1.0) * dt)
+    of_input, of_residual = (_tapered(line, k, tapers) for line in (_line_spectrum(u), own))
+    cross = abs(np.vdot(of_input, of_residual)) ** 2
+    powers = float(np.vdot(of_input, of_input).real * np.vdot(of_residual, of_residual).real)
     critical_coherence = 1.0 - options.coherence_level ** (1.0 / (tapers - 1.0))
     return Peak(frequency, float(ratio[best]), bool(cross > critical_coherence * powers))
 
 
-def _eigenspectra(x: Array, tapers: int) -> NDArray[np.complex128]:
-    """Fourier transforms of the tapered signal, shape (tapers, frequencies)."""
-    n = len(x)
-    k = np.arange(1, tapers + 1)[:, None]
-    sines = np.sqrt(2.0 / (n + 1.0)) * np.sin(np.pi * k * np.arange(1, n + 1) / (n + 1.0))
-    return np.asarray(rfft((x - x.mean()) * sines, axis=1))
+def _line_spectrum(x: Array) -> NDArray[np.complex128]:
+    """Fourier transform of a signal, shape (2 samples + 2,): twice as fine as the frequencies that are tested.
+
+    The sine taper of number k shifts it by k lines to both sides, so that it serves for all tapers.
+    """
+    padded = np.zeros(2 * len(x) + 2)
+    padded[1 : len(x) + 1] = x - x.mean()
+    return np.asarray(fft(padded))
+
+
+def _power(line: NDArray[np.complex128], tapers: int) -> Array:
+    """Mean power over the tapers at each frequency, up to half of the sampling frequency."""
+    bins = len(line) // 4 + 1
+    around = np.concatenate([line[-tapers:], line[: 2 * bins + tapers]])
+    total = np.zeros(bins)
+    for k in range(1, tapers + 1):
+        low, high = (around[tapers + shift : tapers + shift + 2 * bins - 1 : 2] for shift in (-k, k))
+        difference = low - high
+        total += difference.real**2 + difference.imag**2
+    return total / (tapers * len(line))
+
+
+def _tapered(line: NDArray[np.complex128], k: int, tapers: int) -> NDArray[np.complex128]:
+    """Fourier transforms of the tapered signal at frequency k, shape (tapers,)."""
+    shifts = np.arange(1, tapers + 1)
+    return np.asarray((line[2 * k - shifts] - line[(2 * k + shifts) % len(line)]) / np.sqrt(len(line)))
 
 
 def _tested_bins(count: int, tapers: int, options: PeakOptions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

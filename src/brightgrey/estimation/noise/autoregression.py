@@ -210,8 +210,10 @@ def times_autocovariance(c: Array, X: Array) -> Array:
     ring = np.zeros(length)
     ring[:n] = c
     ring[length - n + 1 :] = c[:0:-1]
-    product = irfft(rfft(ring)[:, None] * rfft(X, length, axis=0), length, axis=0)
-    return np.asarray(product[:n])
+    spectrum, product = rfft(ring), np.empty_like(X)
+    for p in range(X.shape[1]):  # one after another: a long recording with many columns would take too much memory
+        product[:, p] = irfft(spectrum * rfft(X[:, p], length), length)[:n]
+    return product
 
 
 def lag_sums(X: Array, Y: Array, count: int) -> Array:

@@ -39,6 +39,8 @@ class _Policy:
     diverged_residual: float = 10.0  #: In standard deviations of the output.
     #: Noise over the output's standard deviation, so that a fine sensor does not silence the others.
     min_relative_noise: float = 1e-3
+    most_numbers: int = 5_000_000  #: Simulated samples that are kept at once, unless they are of fewer sets than
+    fewest_sets: int = 16  #: are simulated side by side.
 
 
 POLICY = _Policy()
@@ -159,6 +161,19 @@ def _columns_of(values: Mapping[str, Array], columns: NDArray[np.int64], group: 
     return {name: np.reshape(value, (-1, group))[:, columns].ravel() for name, value in values.items()}
 
 
+def _portions(count: int, numbers: int, group: int) -> Iterator[slice]:
+    """Parts of `count` groups of sets, each of so many numbers, no more than are kept at once."""
+    size = max(POLICY.most_numbers // numbers, POLICY.fewest_sets // group, 1)
+    for first in range(0, count, size):
+        yield slice(first, min(first + size, count))
+
+
+def _portion(values: Mapping[str, Array], some: slice, group: int) -> Mapping[str, Array]:
+    """Values of some groups of sets."""
+    sets = slice(some.start * group, some.stop * group)
+    return {name: value[sets] if np.ndim(value) else value for name, value in values.items()}
+
+
 @cache
 def _limited_states(structure: Structure) -> tuple[str, ...]:
     """Names of the states with hard limits: positions in gaps."""
@@ -268,10 +283,13 @@ class SimulationErrorProblem:
             if len(moving) < group:  # the others move as the first one
                 own = np.searchsorted(moving, np.arange(group)) * np.isin(np.arange(group), moving)
                 y = y.reshape(*y.shape[:2], -1, len(moving))[..., own].reshape(*y.shape[:2], -1)
-            error = (y - r.y[:, :, None]) * self.weights[:, None, None]
-            error = np.where(np.isfinite(error), np.clip(error, -LARGEST, LARGEST), lost[:, None, None])
-            parts.append(error.reshape(-1, error.shape[-1]))
-        return np.concatenate(parts)
+            y = np.subtract(y, r.y[:, :, None], order="C")
+            y *= self.weights[:, None, None]
+            diverged = ~np.isfinite(y)
+            np.clip(y, -LARGEST, LARGEST, out=y)
+            np.copyto(y, lost[:, None, None], where=diverged)
+            parts.append(y.reshape(-1, y.shape[-1]))
+        return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
     def normal_products(self, values: Mapping[str, Array], settings: Settings, per_step: Array) -> Array:
         """Products of residual and derivatives, shape (S, 1 + P, 1 + P), lower triangles; see `add_products`.
@@ -287,12 +305,14 @@ class SimulationErrorProblem:
         starts, count = per_step.shape
         total = np.zeros((starts, 1 + count, 1 + count))
         for r, state, lost in self._parts():
-            moving = _moving_columns(values, state.tag, 1 + count)
-            y = self._predicted(_columns_of(values, moving, 1 + count), r, state, settings, len(moving))
-            y = np.ascontiguousarray(y).reshape(*y.shape[:2], starts, -1)
-            products = total[:, moving[:, None], moving]
-            add_products(y, r.y, self.weights, lost, per_step[:, moving[1:] - 1], products)
-            total[:, moving[:, None], moving] = products
+            for some in _portions(starts, (1 + count) * r.y.size, 1 + count):
+                own = _portion(values, some, 1 + count)
+                moving = _moving_columns(own, state.tag, 1 + count)
+                y = self._predicted(_columns_of(own, moving, 1 + count), r, state, settings, len(moving))
+                y = np.ascontiguousarray(y).reshape(*y.shape[:2], some.stop - some.start, -1)
+                products = total[some, moving[:, None], moving]
+                add_products(y, r.y, self.weights, lost, per_step[some, moving[1:] - 1], products)
+                total[some, moving[:, None], moving] = products
         return total
 
     def costs(self, values: Mapping[str, Array], settings: Settings, upper_limits: Array | None = None) -> Array:
@@ -321,10 +341,14 @@ class SimulationErrorProblem:
                     threads=self.threads,
                 )
                 continue
-            y = self._predicted(values, r, state, settings, 1)
-            add_squares(np.ascontiguousarray(y), r.y, self.weights, lost, total)
-            if upper_limits is not None:
-                total = np.where(np.isfinite(y).all(axis=(0, 1)) & (total < upper_limits), total, np.inf)
+            for some in _portions(len(total), r.y.size, 1):
+                y = self._predicted(_portion(values, some, 1), r, state, settings, 1)
+                squares_of = total[some].copy()
+                add_squares(np.ascontiguousarray(y), r.y, self.weights, lost, squares_of)
+                if upper_limits is not None:
+                    kept = np.isfinite(y).all(axis=(0, 1)) & (squares_of < upper_limits[some])
+                    squares_of = np.where(kept, squares_of, np.inf)
+                total[some] = squares_of
         return total
 
     def _predicted(

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -180,7 +181,7 @@ def follows_further_effect(task: IdentificationTask, fitted: StructureFit, more:
     task = accurate(task)
     residual, jacobian, inside = residual_and_jacobian(task, fitted.structure, fitted.values)
     candidates = [
-        Candidate(change[:, None], str(c.placed))
+        Candidate(partial(np.reshape, change, (-1, 1)), str(c.placed))
         for c in changes_beside(task, fitted, residual, more, seed)
         for change in c.changes.T
         if change.any()

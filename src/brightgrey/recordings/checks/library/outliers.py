@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from brightgrey.arrays import Array
@@ -74,15 +75,10 @@ def _say_input(examined: Examined) -> Iterator[CheckResult]:
     r = examined.recording
     if is_constant(r.u):
         return
-    jumps, span = _jumps(r.u, np.empty(0), examined.steps[0]).astype(int), min(POLICY.spans)
-    rests = [k for k in jumps if not (np.ptp(r.u[max(k - span, 0) : k + 1]) and np.ptp(r.u[k + 1 : k + 2 + span]))]
-    steps = np.abs(np.diff(r.u))
-    bends = np.abs(np.diff(r.u, 2))[span:-span]  # a jump that is one is much larger than what the input does elsewhere
-    elsewhere = np.abs(np.subtract.outer(np.arange(bends.size) + span, jumps)).min(axis=1, initial=r.samples) > span
-    clear = len(jumps) and steps[jumps].min() > bends[elsewhere].max(initial=0.0)
+    jumps = _jumps(r.u, np.empty(0), examined.steps[0]).astype(int)
     figure = f"'{r.input.name}' jumps {len(jumps)} times"
     threshold = f"up to {POLICY.rare} jump, with a change before and after"
-    if 0 < len(jumps) <= POLICY.rare and clear and not rests:
+    if 0 < len(jumps) <= POLICY.rare and _stand_out(r.u, jumps):
         yield mind(
             figure,
             f"'{r.input.name}' jumps at {r.t[int(jumps[0])]:.6g} s, and is smooth everywhere else: samples may be lost"
@@ -92,6 +88,16 @@ def _say_input(examined: Examined) -> Iterator[CheckResult]:
         )
     else:
         yield passed(figure, threshold)
+
+
+def _stand_out(u: Array, jumps: NDArray[np.int64]) -> bool:
+    """True if jumps are much larger than what the input does elsewhere, and it changes before and after each."""
+    span = min(POLICY.spans)
+    rests = [k for k in jumps if not (np.ptp(u[max(k - span, 0) : k + 1]) and np.ptp(u[k + 1 : k + 2 + span]))]
+    bends = np.abs(np.diff(u, 2))[span:-span]
+    elsewhere = np.abs(np.subtract.outer(np.arange(bends.size) + span, jumps)).min(axis=1) > span
+    clear = np.abs(np.diff(u))[jumps].min() > bends[elsewhere].max(initial=0.0)
+    return bool(clear and not rests)
 
 
 def _local_noise(x: Array) -> Array:
