@@ -61,6 +61,7 @@ FURTHER = (
 PAPER_ATOMS = 10
 LONG = "two_mass+coulomb+viscous"
 NOISE = 2e-3
+MOST_SEARCHED = 100_000  # samples; a search of more takes over an hour
 GIVEN, NOTHING_GIVEN = "structure given", "nothing given"
 BY_SAMPLES = f"Samples of one recording; the drive is `{LONG}`"
 BY_ATOMS = f"Effects that may be there; the drive is `{MANY_EFFECTS}`"
