@@ -128,7 +128,7 @@ def candidate_regressors(
     found = []
     for kind, torques in candidate_torques(structure, scales, settings.f_tanh).items():
         columns = responses(zip(*(torques(m) for m in moved), strict=True))
-        found.append(ResidualRegressor(kind, _kept(columns), kind in registry()))
+        found.append(ResidualRegressor(kind, _made_once(columns), kind in registry()))
     for kind in (TORQUE_WAVE, FRICTION_WAVE):
         sides = [np.tanh(settings.f_tanh * m.speed) if kind == FRICTION_WAVE else np.ones(m.speed.size) for m in moved]
         number, compared = clearest_wave(_moved_segments(problem, moved, sides, residual), options)
@@ -142,25 +142,25 @@ def candidate_regressors(
             for own in range(len(moved))  # with a phase of its own
             for wave in (np.sin, np.cos)
         ]
-        found.append(ResidualRegressor(kind, _kept(responses(waves)), False, compared=compared))
+        found.append(ResidualRegressor(kind, _made_once(responses(waves)), False, compared=compared))
     for placed in _friction_elsewhere(structure):
         column = _response_of_effect(problem, values, settings, residual, placed, scales)
-        found.append(ResidualRegressor(str(placed), _kept(column[:, None])))
+        found.append(ResidualRegressor(str(placed), _made_once(column[:, None])))
     found.append(ResidualRegressor(DRIFT, partial(_straight_lines, problem), False))
     for frequency in _frequencies(scales, options).tolist():
         twist_and_rate = partial(_resonance_response, problem, frequency, options.damping_ratio, lags)
         found.append(ResidualRegressor(RESONANCE, twist_and_rate, frequency=frequency))
     if not any(p.lag for p in structure.parameters.values()):
-        found.append(ResidualRegressor(TIME_SHIFT, _kept(_output_rates(problem, residual)[:, None])))
-    return [regressor for regressor in found if _tells(regressor.columns())]
+        found.append(ResidualRegressor(TIME_SHIFT, _made_once(_output_rates(problem, residual)[:, None])))
+    return [regressor for regressor in found if _may_be_followed(regressor.columns())]
 
 
-def _kept(columns: Array) -> Callable[[], Array]:
+def _made_once(columns: Array) -> Callable[[], Array]:
     """Give columns that took a simulation again and again."""
     return lambda: columns
 
 
-def _tells(columns: Array) -> bool:
+def _may_be_followed(columns: Array) -> bool:
     """True if a residual can follow the columns."""
     return bool(np.isfinite(columns).all() and columns.any())
 

@@ -50,7 +50,7 @@ def highest_peak(
     n = len(residual)
     tapers = max(options.min_tapers, n // options.samples_per_taper)
     own = _line_spectrum(residual)
-    power = _power(own, tapers)
+    power = _tapered_power(own, tapers)
     bins, around = _tested_bins(len(power), tapers, options)
     if not bins.size or not power.any():
         return None
@@ -62,7 +62,7 @@ def highest_peak(
         return None
     of_known = np.ones(bins.size)
     for x in (u, *known):
-        other = _power(_line_spectrum(x), tapers)
+        other = _tapered_power(_line_spectrum(x), tapers)
         of_known = np.maximum(of_known, _ratio(other, bins, around, tapers, options))
     above /= of_known
     best = int(np.argmax(above))
@@ -87,7 +87,7 @@ def _line_spectrum(x: Array) -> NDArray[np.complex128]:
     return np.asarray(fft(padded))
 
 
-def _power(line: NDArray[np.complex128], tapers: int) -> Array:
+def _tapered_power(line: NDArray[np.complex128], tapers: int) -> Array:
     """Mean power over the tapers at each frequency, up to half of the sampling frequency."""
     bins = len(line) // 4 + 1
     around = np.concatenate([line[-tapers:], line[: 2 * bins + tapers]])
