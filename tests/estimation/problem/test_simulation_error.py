@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import predict, scales
-from brightgrey.estimation.optimisation.least_squares import evaluate
+from brightgrey.estimation.optimisation.least_squares import evaluate, normal_equations
+from brightgrey.estimation.problem import simulation_error
 from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many, systems
 from brightgrey.kit import PAPER
@@ -68,6 +69,25 @@ def test_residuals__true_parameters__are_zero():
     problem = SimulationErrorProblem.of(STRUCTURE, [recording(*kinds, y=y)])
     residuals = problem.residuals({n: np.array([v]) for n, v in VALUES.items()}, SETTINGS)
     assert np.abs(residuals).max() < 1e-6
+
+
+def test_costs_and_products__simulated_in_portions__are_the_same_bits(monkeypatch):
+    y = predict(STRUCTURE, VALUES, recording("velocity"), SETTINGS)
+    problem = SimulationErrorProblem.of(STRUCTURE, [recording("velocity", y=y + 0.1)])
+    space = parameter_space(STRUCTURE, scales(problem.recordings), {}, {})
+    theta = space.to_scaled(np.array([VALUES[name] for name in space.names]))
+    starts = theta + np.linspace(-0.05, 0.05, 40)[:, None]
+    values = space.named(space.from_scaled(starts.T))
+
+    def made():
+        normal = normal_equations(problem, space, SETTINGS, starts)
+        return [problem.costs(values, SETTINGS), *normal]
+
+    whole = made()
+    small = replace(simulation_error.POLICY, most_numbers=1)
+    monkeypatch.setattr(simulation_error, "POLICY", small)
+    for a, b in zip(whole, made(), strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 def test_evaluate__jacobian__equals_central_differences():

@@ -1,5 +1,6 @@
 """Checks of recordings: each finds its fault, and is silent without one."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,8 @@ from brightgrey.errors import RecordingError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.recordings import Recording, Signal
 from brightgrey.recordings.checks.checkup import all_checks, check
+from brightgrey.recordings.checks.examined import Examined
+from brightgrey.recordings.checks.library import outliers
 from brightgrey.simulation.reference import reference
 
 VALUES = {"J1": 0.012, "J2": 0.006, "c1": 300.0, "d1": 0.1, "M_C": 0.4, "f_v": 0.02}
@@ -294,6 +297,27 @@ def test_outliers__samples_lost_of_a_smooth_input__is_a_jump_of_it(made):
 def test_outliers__planned_step_of_the_input__is_no_jump(made):
     u = np.where(np.arange(E.samples) < 300, 0.0, 1.0)
     assert said(made("velocity", u=u), "outliers") == []
+
+
+def test_outliers__a_long_recording_with_many_steps_of_the_input__takes_little_memory():
+    samples = 100_000
+    u = np.repeat(np.random.default_rng(1).standard_normal(samples // 100), 100)
+    made = Recording(
+        "long",
+        1e-3 * np.arange(samples),
+        u,
+        np.cumsum(u)[None],
+        Signal("torque", "input", "N m"),
+        (Signal("speed", "velocity", "rad/s"),),
+    )
+    examined = Examined(made)
+    tracemalloc.start()
+    try:
+        list(outliers.run(examined))
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 40 * u.nbytes  # a few filtered copies of each channel
 
 
 def test_outliers__impacts_of_a_gap__are_no_jumps(made):
