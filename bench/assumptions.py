@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from pathlib import Path
 from unittest import mock
 
 from brightgrey.api.to_si import identification_task
@@ -33,8 +32,8 @@ from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
 from recovery import visible
 from support.drives import RandomDrive
-from support.results import RESULTS, Table, arguments, code_version, publish
-from support.rows import add_rows, drives_left, read_rows
+from support.results import RESULTS, Table, code_version, publish
+from support.rows import add_rows, drives_left, read_rows, row_arguments
 from support.statistics import share_of
 
 NOISE = 0.01
@@ -221,14 +220,9 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
 def main() -> None:
     """Run or show."""
     limit_blas_threads()
-    parser = arguments(__doc__)
-    parser.add_argument("what", choices=("run", "table"))
-    parser.add_argument("first", type=int, nargs="?", default=0)
-    parser.add_argument("last", type=int, nargs="?", default=50)
-    parser.add_argument("--seed", type=int, default=23)
-    parser.add_argument("--out", type=Path, help="file of the rows, instead of that of the seed in bench/results/")
+    parser = row_arguments(__doc__, last=50, seed=23)
     options = parser.parse_args()
-    path = options.out or RESULTS / f"assumptions_seed{options.seed}.jsonl.gz"
+    path = RESULTS / f"assumptions_seed{options.seed}.jsonl.gz"
     if options.what == "run":
         code_version()  # before anybody changes it while rows are made
         left = drives_left(path, options.seed, options.first, options.last)

@@ -24,8 +24,8 @@ from brightgrey.kit import PAPER
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.simulation.reference import reference
 from support.drives import MOTIONS, excitation, simulated_recording
-from support.results import RESULTS, Table, arguments, code_version, publish
-from support.rows import add_rows, drives_left, read_rows
+from support.results import RESULTS, Table, code_version, publish
+from support.rows import add_rows, drives_left, read_rows, row_arguments
 from support.statistics import share_of
 
 GAINS = (100.0, 1000.0, 1e5)
@@ -91,11 +91,7 @@ def run(options: argparse.Namespace, path: Path) -> None:
 
 def main() -> None:
     limit_blas_threads()
-    parser = arguments(__doc__)
-    parser.add_argument("what", choices=("run", "table"))
-    parser.add_argument("first", type=int, nargs="?", default=0, help="number of the first drive")
-    parser.add_argument("last", type=int, nargs="?", default=9, help="and of the one after the last")
-    parser.add_argument("--seed", type=int, default=78)
+    parser = row_arguments(__doc__, last=9, seed=78)
     options = parser.parse_args()
     path = RESULTS / f"friction_width_seed{options.seed}.jsonl.gz"
     if options.what == "run":

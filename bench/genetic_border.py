@@ -11,7 +11,6 @@ structure has nothing that the drive has not, whatever it lacks. Simulations are
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -29,8 +28,8 @@ from brightgrey.search.genetic.settings import TUNED_SETTINGS
 from brightgrey.search.lattice import added_effects, contains
 from recovery import MATTERS, row
 from support.drives import RandomDrive, drawn_structure
-from support.results import RESULTS, Table, arguments, code_version, publish
-from support.rows import add_rows, drives_left, read_rows
+from support.results import RESULTS, Table, code_version, publish
+from support.rows import add_rows, drives_left, read_rows, row_arguments
 from support.statistics import share
 
 NOISE = 0.01
@@ -120,12 +119,8 @@ def table(rows: Sequence[Mapping]) -> Table:
 
 def main() -> None:
     limit_blas_threads()
-    parser = arguments(__doc__)
-    parser.add_argument("what", choices=("run", "table"))
-    parser.add_argument("first", type=int, nargs="?", default=0, help="number of the first drive")
-    parser.add_argument("last", type=int, nargs="?", default=50, help="and of the one after the last")
-    parser.add_argument("--seed", type=int, default=161)
-    options: argparse.Namespace = parser.parse_args()
+    parser = row_arguments(__doc__, last=50, seed=161)
+    options = parser.parse_args()
     path = RESULTS / f"genetic_border_seed{options.seed}.jsonl.gz"
     if options.what == "run":
         code_version()  # before anybody changes it while rows are made

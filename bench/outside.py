@@ -24,8 +24,8 @@ from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.decision import decide_structures
 from brightgrey.search.detectability import has
 from support.foreign_drives import KINDS, ForeignDrive
-from support.results import RESULTS, Table, arguments, code_version, publish
-from support.rows import add_rows, drives_left, read_rows
+from support.results import RESULTS, Table, code_version, publish
+from support.rows import add_rows, drives_left, read_rows, row_arguments
 from support.statistics import share_of
 
 MATTERS = 1.05
@@ -114,11 +114,7 @@ def run(options: argparse.Namespace, path: Path) -> None:
 
 def main() -> None:
     limit_blas_threads()
-    parser = arguments(__doc__)
-    parser.add_argument("what", choices=("run", "table"))
-    parser.add_argument("first", type=int, nargs="?", default=0, help="number of the first drive")
-    parser.add_argument("last", type=int, nargs="?", default=200, help="and of the one after the last")
-    parser.add_argument("--seed", type=int, default=38)
+    parser = row_arguments(__doc__, last=200, seed=38)
     options = parser.parse_args()
     path = RESULTS / f"outside_seed{options.seed}.jsonl.gz"
     if options.what == "run":

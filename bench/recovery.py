@@ -44,8 +44,8 @@ from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.lattice import added_effects, contains
 from brightgrey.search.task import IdentificationTask
 from support.drives import RandomDrive, drawn_structure, largest_within, lumped
-from support.results import RESULTS, Table, arguments, code_version, publish
-from support.rows import add_rows, read_rows
+from support.results import RESULTS, Table, code_version, publish
+from support.rows import add_rows, read_rows, row_arguments
 from support.statistics import share_of
 
 MATTERS = 1.05
@@ -368,11 +368,7 @@ def run(options: argparse.Namespace, path: Path) -> None:
 
 def main() -> None:
     limit_blas_threads()
-    parser = arguments(__doc__)
-    parser.add_argument("what", choices=("run", "table"))
-    parser.add_argument("first", type=int, nargs="?", default=0, help="number of the first drive")
-    parser.add_argument("last", type=int, nargs="?", default=10, help="and of the one after the last")
-    parser.add_argument("--seed", type=int, default=18)
+    parser = row_arguments(__doc__, last=10, seed=18)
     parser.add_argument("--with-seeds", type=int, nargs="*", default=[], help="whose rows the table has, too")
     parser.add_argument("--noise", type=float, nargs="*", default=[0.0, 1e-3, 1e-2, 5e-2])
     parser.add_argument("--masses", type=int, default=4, help="at most, in all candidates")

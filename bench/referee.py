@@ -25,8 +25,8 @@ from brightgrey.search.decision import Decision, decide_structures
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.task import IdentificationTask
 from support.drives import RandomDrive
-from support.results import RESULTS, Table, arguments, code_version, publish
-from support.rows import add_rows, drives_left, read_rows
+from support.results import RESULTS, Table, code_version, publish
+from support.rows import add_rows, drives_left, read_rows, row_arguments
 from support.statistics import share_of
 
 NOISES = (0.0, 1e-3, 1e-2, 5e-2)
@@ -135,11 +135,7 @@ def run(options: argparse.Namespace, path: Path) -> None:
 
 def main() -> None:
     limit_blas_threads()
-    parser = arguments(__doc__)
-    parser.add_argument("what", choices=("run", "table"))
-    parser.add_argument("first", type=int, nargs="?", default=0, help="number of the first drive")
-    parser.add_argument("last", type=int, nargs="?", default=100, help="and of the one after the last")
-    parser.add_argument("--seed", type=int, default=34)
+    parser = row_arguments(__doc__, last=100, seed=34)
     options = parser.parse_args()
     path = RESULTS / f"referee_seed{options.seed}.jsonl.gz"
     if options.what == "run":

@@ -10,11 +10,9 @@ either is fitted, too: where it leaves as little, the effect does not show. Belo
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -24,8 +22,8 @@ from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.fitting.structure_fit import Options, fit_multistart, last_descent
 from brightgrey.search.task import IdentificationTask
 from support.drives import RandomDrive, drawn_structure, last_places
-from support.results import RESULTS, Table, arguments, code_version, publish
-from support.rows import add_rows, drives_left, read_rows
+from support.results import RESULTS, Table, code_version, publish
+from support.rows import add_rows, drives_left, read_rows, row_arguments
 
 TWIN = 1e-6
 SHOWS = 1e-5  # ten times as much: less is neither
@@ -134,14 +132,9 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
 def main() -> None:
     """Run or show."""
     limit_blas_threads()
-    parser = arguments(__doc__)
-    parser.add_argument("what", choices=("run", "table"))
-    parser.add_argument("first", type=int, nargs="?", default=0)
-    parser.add_argument("last", type=int, nargs="?", default=300)
-    parser.add_argument("--seed", type=int, default=5)
-    parser.add_argument("--out", type=Path, help="file of the rows, instead of that of the seed in bench/results/")
-    options: argparse.Namespace = parser.parse_args()
-    path = options.out or RESULTS / f"twins_seed{options.seed}.jsonl.gz"
+    parser = row_arguments(__doc__, last=300, seed=5)
+    options = parser.parse_args()
+    path = RESULTS / f"twins_seed{options.seed}.jsonl.gz"
     if options.what == "run":
         code_version()  # before anybody changes it while rows are made
         left = drives_left(path, options.seed, options.first, options.last)

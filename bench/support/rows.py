@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import argparse
 import gzip
 import json
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from brightgrey.simulation.reference import UnsettledError
+from support.results import arguments
 
-__all__ = ["add_rows", "drives_left", "read_rows"]
+__all__ = ["add_rows", "drives_left", "read_rows", "row_arguments"]
+
+
+def row_arguments(doc: str | None, *, last: int, seed: int) -> argparse.ArgumentParser:
+    """Parser of a benchmark that makes rows drive by drive: ``run FIRST LAST --seed SEED`` or ``table``."""
+    parser = arguments(doc)
+    parser.add_argument("what", choices=("run", "table"))
+    parser.add_argument("first", type=int, nargs="?", default=0, help="number of the first drive")
+    parser.add_argument("last", type=int, nargs="?", default=last, help="and of the one after the last")
+    parser.add_argument("--seed", type=int, default=seed)
+    return parser
 
 
 def add_rows(

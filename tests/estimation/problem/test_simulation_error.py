@@ -77,7 +77,7 @@ def test_costs_and_products__simulated_in_portions__are_the_same_bits(monkeypatc
     space = parameter_space(STRUCTURE, scales(problem.recordings), {}, {})
     theta = space.to_scaled(np.array([VALUES[name] for name in space.names]))
     starts = theta + np.linspace(-0.05, 0.05, 40)[:, None]
-    values = space.named(space.from_scaled(starts.T))
+    values = space.named(space.from_scaled(starts.T)) | {"M_G": np.array([VALUES["M_G"]])}  # one for all sets
 
     def made():
         normal = normal_equations(problem, space, SETTINGS, starts)

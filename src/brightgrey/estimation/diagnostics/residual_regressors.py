@@ -156,7 +156,7 @@ def candidate_regressors(
 
 
 def _made_once(columns: Array) -> Callable[[], Array]:
-    """Give columns that took a simulation again and again."""
+    """Keep columns that took a simulation, in place of making them whenever they are asked for."""
     return lambda: columns
 
 

@@ -39,8 +39,9 @@ class _Policy:
     diverged_residual: float = 10.0  #: In standard deviations of the output.
     #: Noise over the output's standard deviation, so that a fine sensor does not silence the others.
     min_relative_noise: float = 1e-3
-    most_numbers: int = 5_000_000  #: Simulated samples that are kept at once, unless they are of fewer sets than
-    fewest_sets: int = 16  #: are simulated side by side.
+    #: Simulated samples that are kept at once, and sets that are simulated together even if they have more.
+    most_numbers: int = 5_000_000
+    fewest_sets: int = 16
 
 
 POLICY = _Policy()
@@ -169,9 +170,9 @@ def _portions(count: int, numbers: int, group: int) -> Iterator[slice]:
 
 
 def _portion(values: Mapping[str, Array], some: slice, group: int) -> Mapping[str, Array]:
-    """Values of some groups of sets."""
+    """Values of some groups of sets; one that holds for all of them stays."""
     sets = slice(some.start * group, some.stop * group)
-    return {name: value[sets] if np.ndim(value) else value for name, value in values.items()}
+    return {name: value[sets] if np.size(value) > 1 else value for name, value in values.items()}
 
 
 @cache
