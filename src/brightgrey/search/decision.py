@@ -204,20 +204,7 @@ def _masses_with_sensors(task: IdentificationTask, grammar: Grammar, exclude: Se
 def evidence_of(
     search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str] = (), *, ask: bool = True
 ) -> Evidence:
-    """Verdicts and certificate of a border.
-
-    Parameters
-    ----------
-    search : BorderSearch
-        That has found it; more is fitted where a verdict asks for it.
-    border : Border
-    grammar : Grammar
-        The function set that is searched.
-    exclude : sequence of str
-        Effects that no structure has.
-    ask : bool
-        Prepare what the design of the next motion needs of all that is left open.
-    """
+    """Verdicts and certificate of a border that a search has found; `exclude` and `ask` as in `decide_structures`."""
     border, found, rivals = _rivalled(search, border, grammar, exclude)
     lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
     certificate = _certificate(search, border, grammar, found)
