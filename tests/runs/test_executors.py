@@ -4,6 +4,8 @@ import logging
 import multiprocessing
 import os
 import signal
+from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 import pytest
@@ -79,8 +81,6 @@ def test_executors__process_killed__error_and_resumable(small, whole, tmp_path):
 
 
 def test_recording_transfer__several_calls__recording_sent_once(small):
-    from concurrent.futures import Executor, Future
-
     sent = []
 
     class Wire(Executor):
@@ -97,6 +97,23 @@ def test_recording_transfer__several_calls__recording_sent_once(small):
         assert parcels.submit(np.shape, recording.y).result() == recording.y.shape
         assert parcels.submit(_samples, recording).result() == recording.samples
     assert sum(size > 1_000_000 for size in sent) == 1
+
+
+def test_recording_transfer__worker_lost__waiting_calls_left_to_the_pool():
+    made = []
+
+    class Pool(Executor):
+        def submit(self, fn, *args):
+            made.append(Future())
+            return made[-1]
+
+    calls = RecordingTransferExecutor(Pool())
+    futures = [calls.submit(abs, i) for i in range(3)]
+    assert futures[2].cancel()
+    made[0].set_exception(BrokenProcessPool("a process died"))
+    assert not futures[1].cancel()
+    made[1].set_exception(BrokenProcessPool("a process died"))  # an InvalidStateError if the call was cancelled
+    assert isinstance(futures[1].exception(), BrokenProcessPool)
 
 
 def _samples(recording):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import io
 import pickle
+import threading
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -90,6 +91,7 @@ class RecordingTransferExecutor(Executor):
 
     def __init__(self, inner: Executor) -> None:
         self.inner = inner
+        self._worker_lost = threading.Event()
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Result of ``fn(*args)``; keyword arguments are refused (TypeError)."""
@@ -98,7 +100,7 @@ class RecordingTransferExecutor(Executor):
         file = io.BytesIO()
         packer = _Packer(file)
         packer.dump((fn, args))
-        packed, out = file.getvalue(), _RemoteFuture()
+        packed, out = file.getvalue(), _RemoteFuture(self._worker_lost)
         self._send(out, packed, packer.recordings, None)
         return out
 
@@ -119,9 +121,15 @@ class RecordingTransferExecutor(Executor):
             except CancelledError:
                 out.mark_cancelled()
             except BaseException as error:
+                if isinstance(error, BrokenExecutor):
+                    self._worker_lost.set()
                 out.set_exception(error)
 
-        out.inner = self.inner.submit(_call_in_worker, source_hash(), packed, *([sent] if sent else []))
+        try:
+            out.inner = self.inner.submit(_call_in_worker, source_hash(), packed, *([sent] if sent else []))
+        except BrokenExecutor:
+            self._worker_lost.set()
+            raise
         out.inner.add_done_callback(receive)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -130,13 +138,21 @@ class RecordingTransferExecutor(Executor):
 
 
 class _RemoteFuture(Future[Any]):
-    """Future of a call in a worker; cancelling it cancels the call."""
+    """Future of a call in a worker; cancelling it cancels the call, unless a worker is lost.
+
+    A pool that has lost a worker fails all its calls itself, one by one. In Python 3.11 a call that is cancelled meanwhile
+    ends the thread that does so, and the calls after it would wait for ever.
+    """
 
     inner: Future[Any]
 
+    def __init__(self, worker_lost: threading.Event) -> None:
+        super().__init__()
+        self._worker_lost = worker_lost
+
     def cancel(self) -> bool:
         """Cancel the call if it waits; a call that runs comes to its end."""
-        return self.inner.cancel()
+        return not self._worker_lost.is_set() and self.inner.cancel()
 
     def mark_cancelled(self) -> None:
         """Mark this future as cancelled, as the call has been."""
