@@ -91,7 +91,7 @@ class RefinementPolicy:
     predicted: float = 0.5
     negligible: float = 0.05  #: Predicted decrease that is not worth a step: far below what chance does.
     relative: float = 1e-6  #: The same as part of the cost,
-    of_material: float = 1.0 / 80.0  #: and as part of a growth of it that does not matter.
+    of_material: float = 1.0 / 20.0  #: and as part of a growth of it that does not matter.
 
 
 @dataclass(frozen=True)

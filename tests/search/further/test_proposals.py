@@ -46,26 +46,30 @@ def test_further_effects__one_is_missing__is_tried_near_its_size(base, more):
 
 @pytest.mark.parametrize(("stiffness", "friction"), [(30.0, 1.0), (240.0, 1.2)])
 def test_moved_effects__friction_at_the_second_mass_only__takes_the_place_of_that_at_the_first(stiffness, friction):
-    """Beside friction at the first mass, no step leads to that at the second."""
+    """Beside friction at the first mass, no step leads to that at the second; of three descents one may be trapped."""
     values = {"J1": 0.006, "J2": 0.009, "c1": stiffness, "d1": 0.05, "M_C@2": friction}
     truth, noise = "two_mass+coulomb@2", 0.005 * E.speed
     task = simulated_task(truth, values, E.torque(), noise, dt=E.dt, f_tanh=F_TANH, step=1e-3)
-    known = fit_multistart(task, PAPER.parse("two_mass+coulomb"), Options(fresh=4, patience=0), 0)
+    (true,) = task.problem(function_set().parse(truth)).costs(
+        {n: np.array([v]) for n, v in values.items()}, task.settings
+    )
+    reached = []
+    for seed in range(3):
+        known = fit_multistart(task, PAPER.parse("two_mass+coulomb"), Options(fresh=4, patience=0), seed)
+        added = costs_beside(task, known, further_effects(task, known, FURTHER, 0))
+        moved = costs_beside(task, known, moved_effects(task, known, FURTHER))
+        assert list(moved) == ["coulomb@2"]
+        assert moved["coulomb@2"] < 0.5 * min(added.values())
+        reached.append(moved["coulomb@2"] < 1.05 * true)
+    assert sum(reached) >= 2
+
+
+def costs_beside(task, known, found):
+    """Cost of a fit with each of some effects beside a structure."""
+    larger = [(Structure((*known.structure.placed, *f.added)), {**known.values, **f.start}) for f in found]
     with thread_pool(None) as workers:
-        table = FitTable(task, ())
-
-        def costs(found):
-            larger = [(Structure((*known.structure.placed, *f.added)), {**known.values, **f.start}) for f in found]
-            return {str(f.placed): t.cost for f, t in zip(found, table.tried(larger, workers), strict=True)}
-
-        added = costs(further_effects(task, known, FURTHER, 0))
-        moved = costs(moved_effects(task, known, FURTHER))
-        true = task.problem(function_set().parse(truth)).costs(
-            {n: np.array([v]) for n, v in values.items()}, task.settings
-        )
-    assert list(moved) == ["coulomb@2"]
-    assert moved["coulomb@2"] < 1.05 * true[0]
-    assert moved["coulomb@2"] < 0.5 * min(added.values())
+        fits = FitTable(task, ()).tried(larger, workers)
+    return {str(f.placed): t.cost for f, t in zip(found, fits, strict=True)}
 
 
 @pytest.mark.long
