@@ -140,8 +140,8 @@ class RecordingTransferExecutor(Executor):
 class _RemoteFuture(Future[Any]):
     """Future of a call in a worker; cancelling it cancels the call, unless a worker is lost.
 
-    A pool that has lost a worker fails all its calls itself, one by one. In Python 3.11 a call that is cancelled meanwhile
-    ends the thread that does so, and the calls after it would wait for ever.
+    A pool that has lost a worker fails all its calls itself, one by one. A call that is cancelled meanwhile ends the
+    thread that does so in Python 3.11, and the calls after it would wait for ever.
     """
 
     inner: Future[Any]
