@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -144,8 +144,8 @@ class SearchHints:
         (parameters,), and for each of the frequencies, shape (K,), there are equally many candidates: the result
         has the shape (parameters, K, candidates).
     merge : callable or None
-        ``merge(values, masses) -> {symbol: value}``: the chain of so many masses that behaves most alike, for
-        effects with more masses. Here `values` are given by symbol.
+        ``merge(values, masses) -> [{symbol: value}]``: the chains of so many masses that may behave alike, for effects
+        with more masses. Here `values` are given by symbol.
     wave : (str, str) or None
         Symbols of the wave number and the phase of a torque that opposes the motion by a sine of the position. Too
         many periods may lie within the travel for draws to meet the right number. So starts take it from a spectrum.
@@ -154,7 +154,7 @@ class SearchHints:
     sample: Callable[[Scales, Array], Array] | None = None
     perturb: Callable[[Array, Array, Array], Array] | None = None
     enumerate: Callable[[Array, Array], Array] | None = None
-    merge: Callable[[Mapping[str, float], int], Mapping[str, float]] | None = None
+    merge: Callable[[Mapping[str, float], int], Sequence[Mapping[str, float]]] | None = None
     wave: tuple[str, str] | None = None
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 
@@ -239,15 +239,21 @@ def _enumerate_chains(values: Array, omega: Array, *, masses: int) -> Array:
     return np.moveaxis(np.array(table), 2, 0)
 
 
-def _merge_masses(values: Mapping[str, float], masses: int) -> Mapping[str, float]:
-    """Join neighbours until `masses` are left, first those whose shaft resonates fastest, by c (1/J + 1/J')."""
+def _merge_masses(values: Mapping[str, float], masses: int) -> list[Mapping[str, float]]:
+    """Join neighbours until `masses` are left, in every way.
+
+    Which shaft is rigid is not told by its resonance: that of a light mass is fast, and yet shows.
+    """
     present = sum(symbol.startswith("J") for symbol in values)
-    J = [values[f"J{i}"] for i in range(1, present + 1)]
-    c, d = ([values[f"{symbol}{k}"] for k in range(1, present)] for symbol in "cd")
-    while len(J) > masses:
-        _join_masses(J, c, d, max(range(len(c)), key=lambda k: c[k] * (1.0 / J[k] + 1.0 / J[k + 1])))
-    named = (("J", J), ("c", c), ("d", d))
-    return {f"{symbol}{i}": value for symbol, row in named for i, value in enumerate(row, 1)}
+    found: list[Mapping[str, float]] = []
+    for rigid in combinations(range(present - 1), present - masses):
+        J = [values[f"J{i}"] for i in range(1, present + 1)]
+        c, d = ([values[f"{symbol}{k}"] for k in range(1, present)] for symbol in "cd")
+        for k in reversed(rigid):
+            _join_masses(J, c, d, k)
+        named = (("J", J), ("c", c), ("d", d))
+        found.append({f"{symbol}{i}": value for symbol, row in named for i, value in enumerate(row, 1)})
+    return found
 
 
 def _join_and_split(

@@ -16,7 +16,7 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.kit import Structure
 from brightgrey.search.fitting.warm_start import handed_down, information
-from brightgrey.search.lattice import added_effects
+from brightgrey.search.lattice import added_effects, mass_chain_of
 from brightgrey.search.policy import REFIT
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 
@@ -94,11 +94,13 @@ def refit_from_supermodel(
     cost = problem.costs(space.named(begins), task.settings)
     if not (anyway or cost.min() < REFIT.improved * own.cost):
         return None, problem.count(cost.size)
-    begin = begins[:, [int(np.argmin(cost))]]
-    (end,) = fit_many(
-        problem, space, task.settings, begin, limit=options.rounds, tolerance=options.tolerance, cost_to_beat=own.cost
+    joined = any(f.structure.masses > own.structure.masses for f in larger)
+    chosen = begins[:, _best_chains(space, own.structure, begins, cost, options.starts if joined else 1)]
+    ends = fit_many(
+        problem, space, task.settings, chosen, limit=options.rounds, tolerance=options.tolerance, cost_to_beat=own.cost
     )
-    spent = problem.count(cost.size + end.simulations)
+    end = min(ends, key=lambda e: e.cost)
+    spent = problem.count(cost.size + sum(e.simulations for e in ends))
     return _fitted(own.structure, space, end, own.batches + 1 + end.evaluations, spent), spent
 
 
@@ -140,6 +142,20 @@ def continue_from_supermodel(
     if not end.cost < own.cost:
         return None, spent
     return _fitted(own.structure, space, end, batches, spent), spent
+
+
+def _best_chains(space: ParameterSpace, structure: Structure, begins: Array, cost: Array, count: int) -> list[int]:
+    """Numbers of the best starts, of which no two have the same masses and shafts.
+
+    A shaft that is wrongly rigid may cost less at first than a resonance that is a little off.
+    """
+    chain = mass_chain_of(structure)
+    own = {chain.parameter(q.symbol) for q in chain.effect.parameters}
+    rows = [i for i, name in enumerate(space.names) if name in own]
+    best: dict[bytes, int] = {}
+    for k in np.argsort(cost, kind="stable").tolist():
+        best.setdefault(begins[rows, k].tobytes(), k)
+    return list(best.values())[:count]
 
 
 def _given(space: ParameterSpace, structure: Structure, known: Sequence[StructureFit]) -> list[Mapping[str, float]]:

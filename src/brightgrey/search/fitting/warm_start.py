@@ -28,8 +28,8 @@ def handed_down(
 ) -> list[Values]:
     """Project the optimum of a larger structure onto a smaller one.
 
-    Parameters that the smaller one lacks are left out. Further candidates join the masses, if there are fewer, and let
-    the remaining effects compensate for those that are removed.
+    Parameters that the smaller one lacks are left out. Further candidates join the masses in every way, if there are
+    fewer, and let the remaining effects compensate for those that are removed.
 
     Parameters
     ----------
@@ -43,10 +43,10 @@ def handed_down(
     """
     here, there = mass_chain_of(structure), mass_chain_of(larger)
     out = [values]
-    if here != there and there.effect.search.merge is not None:
+    if structure.masses < larger.masses and there.effect.search.merge is not None:
         present = {q.symbol: values[there.parameter(q.symbol)] for q in there.effect.parameters}
         joined = there.effect.search.merge(present, structure.masses)
-        out.append({**values, **{here.parameter(symbol): v for symbol, v in joined.items()}})
+        out += [{**values, **{here.parameter(symbol): v for symbol, v in chain.items()}} for chain in joined]
     if known is not None and np.isfinite(known).all():
         made_up = _made_up(values, known, larger, space)
         out += [{**v, **made_up} for v in out] if made_up else []
