@@ -240,7 +240,7 @@ def _enumerate_chains(values: Array, omega: Array, *, masses: int) -> Array:
 
 
 def _merge_masses(values: Mapping[str, float], masses: int) -> list[Mapping[str, float]]:
-    """Join neighbours until `masses` are left, in every way.
+    """Join neighbours until `masses` are left, in every way, the last ones last.
 
     Which shaft is rigid is not told by its resonance: that of a light mass is fast, and yet shows.
     """

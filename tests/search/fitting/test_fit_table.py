@@ -283,6 +283,19 @@ def test_propagate__masses_joined__descends_from_a_bad_start_for_a_small_gain():
     assert fits.done[small].cost <= 1.001 * best
 
 
+def test_refit_from_supermodel__light_mass_with_the_fastest_resonance__is_not_joined():
+    """Its shaft is not the rigid one: of the three ways to join four masses, the last costs least by far."""
+    split = {"J1": 0.00521, "J2": 0.00033, "J3": 0.00624, "J4": 0.00485, "c1": 11.8, "c2": 18.6, "c3": 76.0}
+    split |= {"d1": 0.0112, "d2": 0.0051, "d3": 0.344, "M_C": 1.6}
+    joined = {name: split[name] for name in ("J1", "J2", "c1", "c2", "d1", "d2", "M_C")} | {"J3": 0.01109}
+    small, big = PAPER.parse("three_mass+coulomb"), PAPER.parse("four_mass+coulomb")
+    task = noisy_task(small, joined, noise=1e-3)
+    least = float(task.problem(small).costs({n: np.array([x]) for n, x in joined.items()}, task.settings)[0])
+    own, larger = (StructureFit(s, values, 1e9, len(values)) for s, values in ((small, joined), (big, split)))
+    found, _ = refit_from_supermodel(task, own, [larger], Options(rounds=0), anyway=True)
+    assert found.cost == pytest.approx(least)
+
+
 def test_continue_to_submodels__improved__neighbours_refitted(task, monkeypatch):
     costs = {"two_mass+backlash": 100.0, "two_mass+coulomb+backlash": 60.0, "two_mass+gravity+backlash": 90.0}
     small, larger, other = map(PAPER.parse, costs)

@@ -327,7 +327,7 @@ class _Exchange:
             if q not in own.structure.placed:
                 values |= {q.parameter(s.symbol): own.values[p.parameter(s.symbol)] for s in p.effect.parameters}
         space = self.detectability.refined.task.space(structure, nuisances=True)
-        start = handed_down(values, None, own.structure, structure, space)[-1]
+        *_, start = handed_down(values, None, own.structure, structure, space)  # the last way joins the last two masses
         (end,) = self.ends([(structure, start)])
         return end, moved.get(kept, kept)
 
