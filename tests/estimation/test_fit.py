@@ -11,6 +11,7 @@ from brightgrey.estimation.problem.simulation_error import SimulationErrorProble
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import read_recording
+from brightgrey.simulation import shared_cores
 from brightgrey.simulation.reference import reference
 from support.recordings import make_recording
 
@@ -65,8 +66,8 @@ def test_fit__same_seed__same_numbers(demo):
     structure = PAPER.parse("one_mass+coulomb")
     one, two = (fit(structure, [demo], seed=5, starts=3, level="fast") for _ in range(2))
     assert one == two
-    threads = fit(structure, [demo], seed=5, starts=3, level="fast", threads=2)
-    assert threads == one
+    with shared_cores(2):
+        assert fit(structure, [demo], seed=5, starts=3, level="fast") == one
 
 
 def test_fit__fixed_and_bounded_parameters__stay(demo):

@@ -24,21 +24,20 @@ drawn = settings(max_examples=15, deadline=None, derandomize=True)
 
 @drawn
 @given(number=ANY, seed=SEEDS)
-def test_response__other_neighbours_and_threads__same_bits(number, seed):
+def test_response__other_neighbours__same_bits(number, seed):
     structure = ALL[number]
     sets = [random_values(structure.parameters, np.random.default_rng([seed, k])) for k in range(17)]
     sets[5] |= {"T_d": 0.0} if "T_d" in sets[5] else {}
     u = TORQUE[:300]
 
-    def outputs(members, threads=1):
+    def outputs(members):
         values = {name: np.array([sets[k][name] for k in members]) for name in structure.parameters}
         s = assemble(structure, values, E.f_tanh, ("position", "velocity", "acceleration"))
-        return response(s, u, DT, s.rest(u=u[0]), SETTINGS, threads=threads).y
+        return response(s, u, DT, s.rest(u=u[0]), SETTINGS).y
 
     full = outputs(range(17))
     for members in ([5], [3, 1, 16], list(range(8, 16)), list(range(16, -1, -1))):
-        for threads in (1, 2):
-            np.testing.assert_array_equal(outputs(members, threads), full[:, :, members])
+        np.testing.assert_array_equal(outputs(members), full[:, :, members])
 
 
 @pytest.mark.parametrize("name", ["two_mass+coulomb+viscous+backlash", "three_mass+stribeck+backlash+delay"])

@@ -37,7 +37,7 @@ def test_squares__no_limit__sums_of_the_response(case):
     arguments, course = case
     found = squares(*arguments, sums=np.zeros(SETS), upper_limits=np.full(SETS, np.inf))
     np.testing.assert_allclose(found, np.where(np.isfinite(course[-1]), course[-1], np.inf), rtol=1e-12)
-    further = squares(*arguments, sums=np.full(SETS, 7.0), upper_limits=np.full(SETS, np.inf), threads=2)
+    further = squares(*arguments, sums=np.full(SETS, 7.0), upper_limits=np.full(SETS, np.inf))
     np.testing.assert_allclose(further, found + 7.0, rtol=1e-12)
 
 

@@ -31,6 +31,7 @@ from brightgrey.recordings.checks.checkup import Checkup
 from brightgrey.recordings.checks.checkup import check as check_recordings
 from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.search import IdentificationTask
+from brightgrey.simulation import shared_cores
 from brightgrey.version import __version__
 
 if TYPE_CHECKING:
@@ -179,24 +180,24 @@ def identify(
     constants = task.fixed_of(chosen)
     for name in profile:  # before the fit takes its time
         one_of("estimated parameter", name, [each for each in chosen.parameters if each not in constants])
-    fit = estimation.fit(
-        chosen,
-        several,
-        bounds=task.bounds_of(chosen),
-        fixed=constants,
-        f_tanh=None if task.friction_width else task.settings.f_tanh,
-        start=found.values if found else start_si(chosen, start, several[0].units, constants),
-        starts=starts,
-        patience=_PATIENCE_AFTER_SEARCH if found else _PATIENCE,
-        seed=seed,
-        level=level,
-        estimator=one_of("estimator", estimator, ESTIMATORS),
-        initial=one_of("initial state", initial, INITIALS),
-        threads=workers,
-        per_recording=task.per_recording,
-    )
-    profiles = tuple(estimation.profile(fit, several, name) for name in dict.fromkeys(profile))
-    made = _assemble_result(fit, several, test, constants, seed, found, profiles, checkup)
+    with shared_cores(workers):
+        fit = estimation.fit(
+            chosen,
+            several,
+            bounds=task.bounds_of(chosen),
+            fixed=constants,
+            f_tanh=None if task.friction_width else task.settings.f_tanh,
+            start=found.values if found else start_si(chosen, start, several[0].units, constants),
+            starts=starts,
+            patience=_PATIENCE_AFTER_SEARCH if found else _PATIENCE,
+            seed=seed,
+            level=level,
+            estimator=one_of("estimator", estimator, ESTIMATORS),
+            initial=one_of("initial state", initial, INITIALS),
+            per_recording=task.per_recording,
+        )
+        profiles = tuple(estimation.profile(fit, several, name) for name in dict.fromkeys(profile))
+        made = _assemble_result(fit, several, test, constants, seed, found, profiles, checkup)
     asked = _Asked(task, tuple(require), tuple(exclude), initial, level, seed)
     return replace(made, record=_record(asked, fit, found), recordings=several)
 

@@ -19,6 +19,7 @@ from brightgrey.planning.plan import Plan
 from brightgrey.planning.position_loop import PositionLoop
 from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.search.undecided.question import UNDECIDED_FILE, OpenQuestions, Question
+from brightgrey.simulation import shared_cores
 
 __all__ = ["plan"]
 
@@ -100,15 +101,10 @@ def plan(
         raise SettingsError(
             f"a motion of {length:g} s has {samples:.0f} samples; {_LEAST_SAMPLES} to {_MOST_SAMPLES:,} are allowed"
         )
-    drive = PlannedDrive(model, replace(known, questions=asked), workers, loop=_loop_of(model, loop, controller))
-    return Plan(
-        drive,
-        found,
-        dict(limits or {}),
-        design_motion(drive, found, length, seed, progress or (lambda done, total: None), effort),
-        seed,
-        gains_given=controller is not None,
-    )
+    drive = PlannedDrive(model, replace(known, questions=asked), loop=_loop_of(model, loop, controller))
+    with shared_cores(workers):
+        design = design_motion(drive, found, length, seed, progress or (lambda done, total: None), effort)
+    return Plan(drive, found, dict(limits or {}), design, seed, gains_given=controller is not None)
 
 
 def _loop_of(model: Model, loop: str | None, controller: Mapping[str, float] | None) -> PositionLoop | None:

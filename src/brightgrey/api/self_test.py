@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from brightgrey.runs import RunError, Stop
 from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.runs.serialisation import canonical, digest, source_hash
 from brightgrey.search import IdentificationTask
-from brightgrey.search.parallel import Stopped
+from brightgrey.search.parallel import Stopped, thread_pool
 from brightgrey.self_test.repetition import Repetition, Request, repeat
 from brightgrey.self_test.schema import SELF_TEST_FILE, SelfTest
 from brightgrey.self_test.sensor_noise import SensorNoise, sensor_noises
@@ -254,20 +254,18 @@ class _Repetitions:
         total = len(wanted)
         made = {place: done[place] for place in wanted if place in done}
         progress(len(made), total)
-        pool = ThreadPoolExecutor(workers)
-        try:
-            waiting = {pool.submit(self._repeat, *place): place for place in wanted if place not in made}
-            for future in as_completed(waiting):
-                made[waiting[future]] = future.result()
-                self._keep(waiting[future], made[waiting[future]])
-                progress(len(made), total)
-        except Stopped:
-            raise RunError(self._stopped(len(made), total)) from None
-        except BaseException:
-            self.stop.request()
-            raise
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+        with thread_pool(None, workers) as pool:
+            try:
+                waiting = {pool.submit(self._repeat, *place): place for place in wanted if place not in made}
+                for future in as_completed(waiting):
+                    made[waiting[future]] = future.result()
+                    self._keep(waiting[future], made[waiting[future]])
+                    progress(len(made), total)
+            except Stopped:
+                raise RunError(self._stopped(len(made), total)) from None
+            except BaseException:
+                self.stop.request()
+                raise
         return [[made[i, k] for k in range(draws)] for i in range(len(self.drives))]
 
     def _repeat(self, drive: int, draw: int) -> Repetition:

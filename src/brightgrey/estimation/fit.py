@@ -155,7 +155,6 @@ def fit(
     level: Level = "accurate",
     initial: Initial = "auto",
     estimator: Estimator = "least-squares",
-    threads: int = 1,
     per_recording: Collection[str] = (),
     options: FitOptions = FIT_DEFAULTS,
 ) -> Fit:
@@ -192,8 +191,6 @@ def fit(
         within the noise of the sensor. ``auto`` is at rest unless the first samples clearly move, then estimated.
     estimator : {'least-squares', 'pattern-search'}
         Pattern search is the paper's; it takes hundreds of times as many simulations.
-    threads : int
-        Threads to simulate on. The result does not depend on it.
     per_recording : collection of str
         Parameters that may differ between recordings; the estimate is their mean.
     options : FitOptions
@@ -212,7 +209,7 @@ def fit(
     known = scales(recordings)
     settings = settings_for(recordings, known, f_tanh, "euler" if level == "euler" else "fast")
     width = friction_width_nuisance(known.speed) if f_tanh is None else None
-    problem = SimulationErrorProblem.of(structure, recordings, threads, initial, width, per_recording=per_recording)
+    problem = SimulationErrorProblem.of(structure, recordings, initial, width, per_recording=per_recording)
     space = parameter_space(structure, known, bounds or {}, fixed or {}, problem.nuisances)
     final = replace(settings, level=level)
     on_recordings = recording_findings(recordings)

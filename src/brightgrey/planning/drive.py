@@ -80,7 +80,6 @@ class PlannedDrive:
 
     model: Model
     known: OpenQuestions
-    threads: int = 1
     gap: float = 0.0  #: Position of a truth in its gaps at the begin, in widths from the forward side: 0 to -1.
     loop: PositionLoop | None = None  #: None in open loop.
     #: Where truths lie between two tied structures: 1 is at the truth, 0 where its effects have the least size that
@@ -104,7 +103,7 @@ class PlannedDrive:
         """Weighted outputs of a structure that starts at rest, at the side of its gap that it was left at."""
         state = InitialState(0.0, 0.0, 0.0, ())
         weights = np.array([n.weight for n in self.known.noise])
-        return SimulationErrorProblem(structure, (recording,), weights, (state,), self.threads)
+        return SimulationErrorProblem(structure, (recording,), weights, (state,))
 
     @cached_property
     def _spaces(self) -> dict[int, tuple[Known, ParameterSpace]]:

@@ -108,7 +108,7 @@ def reaction(drive: PlannedDrive, structure: str, values: Mapping[str, Array], c
     )
     if drive.loop is None or command.setpoint is None:
         x0 = np.broadcast_to(begin, (len(begin), sets))
-        y = response(system, command.torque, dt, x0, drive.settings, threads=drive.threads).y
+        y = response(system, command.torque, dt, x0, drive.settings).y
         return Reaction(command.torque[:, None], y[:masses], y[masses:])
     closed, reference = drive.loop.around(system), drive.loop.reference_input(command.setpoint, dt)
     if not np.isfinite(reference).all():  # the setpoint's simulation diverged
@@ -117,7 +117,7 @@ def reaction(drive: PlannedDrive, structure: str, values: Mapping[str, Array], c
     x0 = np.zeros((len(closed.states), sets))
     x0[: len(begin)] = begin
     settings = replace(drive.settings, hold="linear")
-    y = response(closed, drive.loop.simulated_input(command.setpoint, dt), dt, x0, settings, threads=drive.threads).y
+    y = response(closed, drive.loop.simulated_input(command.setpoint, dt), dt, x0, settings).y
     q, v = y[:masses], y[masses : 2 * masses]
     return Reaction(drive.loop.torque(reference, q[0], v[0], y[-1]), q, v)
 

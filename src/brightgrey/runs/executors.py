@@ -8,7 +8,7 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +16,7 @@ from typing import Any
 from brightgrey.errors import SettingsError
 from brightgrey.runs.recording_transfer import RecordingTransferExecutor
 from brightgrey.runs.store import RunError
+from brightgrey.search.parallel import thread_pool
 
 __all__ = ["Workforce"]
 
@@ -57,7 +58,11 @@ class Workforce:
             with _dask_client(self.dask, self.connect_timeout) as client:
                 yield RecordingTransferExecutor(client.get_executor())
             return
-        made = _process_pool(self.workers) if self.processes else ThreadPoolExecutor(self.workers)
+        if not self.processes:
+            with thread_pool(None, self.workers) as threads:
+                yield threads
+            return
+        made = _process_pool(self.workers)
         try:
             yield made
         finally:

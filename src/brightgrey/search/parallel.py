@@ -12,6 +12,8 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
+from brightgrey.simulation import shared_cores
+
 __all__ = ["InlineExecutor", "Stopped", "in_dependency_order", "in_order", "thread_pool"]
 
 Item = TypeVar("Item", bound=Hashable)
@@ -102,12 +104,13 @@ def in_dependency_order(
 
 @contextmanager
 def thread_pool(executor: Executor | None, workers: int = 1) -> Iterator[Executor]:
-    """Yield `executor`, or a pool of threads that ends with the context."""
+    """Yield `executor`, or a pool of threads that ends with the context, and whose simulations share as many cores."""
     if executor is not None:
         yield executor
         return
     own = ThreadPoolExecutor(workers)
     try:
-        yield own
+        with shared_cores(workers):
+            yield own
     finally:
         own.shutdown(wait=True, cancel_futures=True)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import NamedTuple
@@ -34,8 +32,10 @@ from brightgrey.simulation.kernel.machine.buffers import PlantBuffers, address, 
 from brightgrey.simulation.kernel.machine.memory_layout import Call, Shape
 from brightgrey.simulation.kernel.machine.simd import LANES
 from brightgrey.simulation.kernel.step_control import accept_or_refine, refine_group, refine_lane
+from brightgrey.simulation.kernel.tolerances import TOLERANCES
 from brightgrey.simulation.preparation import prepare_kernel
 from brightgrey.simulation.settings import Settings, stepping_of, tolerances
+from brightgrey.simulation.shared_cores import on_idle_cores
 
 __all__ = ["Response", "parts_per_sample", "response", "squares"]
 
@@ -61,12 +61,11 @@ def response(
     settings: Settings,
     *,
     group: int = 1,
-    threads: int = 1,
 ) -> Response:
     """Simulate K systems of one structure side by side.
 
-    The result of a parameter set never depends on the others (unless `group` says so) nor on the number of
-    threads. No step has to be chosen: see :class:`Settings`.
+    The result of a parameter set never depends on the others (unless `group` says so), nor on the cores that
+    :func:`shared_cores` offers. No step has to be chosen: see :class:`Settings`.
 
     Parameters
     ----------
@@ -85,7 +84,6 @@ def response(
         derivatives. With 1, every set chooses its own. Contacts may multiply a difference until it is no derivative
         any more. When a limited state is further than a hundredth of its range from that of the first set at two
         samples in succession, all sets of the group continue from the first one's state.
-    threads : int
 
     Returns
     -------
@@ -96,7 +94,7 @@ def response(
     SettingsError
         If the sets do not make whole groups.
     """
-    job = _Job.of(system, u, dt, x0, settings, threads)
+    job = _Job.of(system, u, dt, x0, settings)
     sets = job.lowered.A.shape[-1]
     if sets % group:
         raise SettingsError(f"{sets} parameter sets do not make groups of {group}")
@@ -140,7 +138,6 @@ def squares(
     *,
     sums: Array,
     upper_limits: Array,
-    threads: int = 1,
 ) -> Array:
     """Sums of squared deviations of K simulations from a target; each is given up when its sum reaches a limit.
 
@@ -148,7 +145,7 @@ def squares(
 
     Parameters
     ----------
-    system, u, dt, x0, settings, threads
+    system, u, dt, x0, settings
         As for :func:`response`.
     target : array_like, shape (outputs, samples)
     weights : array_like, shape (outputs,)
@@ -161,7 +158,7 @@ def squares(
     ndarray, shape (K,)
         Infinite where the limit was reached or the simulation diverged.
     """
-    job = _Job.of(system, u, dt, x0, settings, threads)
+    job = _Job.of(system, u, dt, x0, settings)
     desired = _SquaresTarget(
         np.ascontiguousarray(target, float), np.ascontiguousarray(weights, float), sums, upper_limits
     )
@@ -195,16 +192,15 @@ class _Job:
     u: Array
     dt: float
     settings: Settings
-    threads: int
 
     @classmethod
-    def of(cls, system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, settings: Settings, threads: int) -> _Job:
+    def of(cls, system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, settings: Settings) -> _Job:
         """Lower the system and tabulate its parameter sets."""
         lowered = lower(system, dt)
         start, shape = np.asarray(x0, float), (lowered.A.shape[0], lowered.A.shape[-1])
         if start.shape != shape:
             start = np.broadcast_to(start[:, None] if start.ndim == 1 else start, shape)
-        return cls(lowered, tabulate(lowered, start), np.ascontiguousarray(u, float), dt, settings, threads)
+        return cls(lowered, tabulate(lowered, start), np.ascontiguousarray(u, float), dt, settings)
 
 
 def _simulate_lanes(
@@ -248,7 +244,7 @@ def _simulate_lanes(
         delayed=0,
         **_entries(steps=shape.euler == 0, grouped=shape.group > 1, delayed=bool(job.lowered.delay.any())),
     )
-    _run_batches(shape, plants, call, len(pick), job.threads)
+    _run_batches(shape, plants, call, len(pick))
     row, sample = np.nonzero(rejoined)
     which, lane = np.nonzero(rejoined[row, sample, None] >> np.arange(LANES) & 1)
     return y, diverged.ravel(), np.stack([sample[which], pick[row[which], lane]], axis=1)
@@ -302,25 +298,20 @@ def _entries(*, steps: bool, grouped: bool, delayed: bool) -> Mapping[str, int]:
     }
 
 
-def _run_batches(shape: Shape, plants: PlantBuffers, call: Call, batches: int, threads: int) -> None:
-    """Run the kernel on all batches, shared out among `threads`."""
+def _run_batches(shape: Shape, plants: PlantBuffers, call: Call, batches: int) -> None:
+    """Run the kernel on all batches, one after the other or also on idle cores."""
+    helpers = min(batches, batches * shape.samples // TOLERANCES.least_shared_samples) - 1
+    size = 1 if helpers > 0 else batches
+    waiting = iter(range(0, batches, size))  # threads take from it in turn: some batches last longer than others
 
-    def part(first: int, last: int) -> None:
+    def part() -> None:
         work, memory = work_for(shape)
         block = block_for(shape, plants, work, call)
-        run_batch(address(block), int(first), int(last))
+        for first in waiting:
+            run_batch(address(block), first, first + size)
         del memory, block  # not before the simulation is done
 
-    if threads == 1:
-        part(0, batches)
-        return
-    cuts = np.linspace(0, batches, min(threads, batches) + 1).astype(int)
-    own, *others = itertools.pairwise(cuts)
-    with ThreadPoolExecutor(max(len(others), 1)) as pool:
-        futures = [pool.submit(part, *share) for share in others]
-        part(*own)  # in this thread: starting one costs as much as a short simulation
-        for future in futures:
-            future.result()
+    on_idle_cores(part, helpers)
 
 
 class _LaneAssignment(NamedTuple):

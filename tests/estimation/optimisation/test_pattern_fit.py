@@ -11,7 +11,7 @@ from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
-from brightgrey.simulation import Settings
+from brightgrey.simulation import Settings, shared_cores
 from brightgrey.simulation.reference import reference
 from support.recordings import make_recording
 
@@ -38,7 +38,8 @@ def test_fit__by_pattern_search__finds_the_optimum_of_least_squares(drawn):
         assert patterns.estimates[name].value == pytest.approx(e.value, abs=0.2 * e.std)
         assert patterns.estimates[name].std == pytest.approx(e.std, rel=0.05)
     assert patterns.evaluations > 5 * squares.evaluations
-    assert fit(PAPER.parse(TEXT), [drawn], estimator="pattern-search", threads=2, **settings) == patterns
+    with shared_cores(2):
+        assert fit(PAPER.parse(TEXT), [drawn], estimator="pattern-search", **settings) == patterns
 
 
 def test_cost_function__points_and_limits__is_that_of_the_residuals(drawn):

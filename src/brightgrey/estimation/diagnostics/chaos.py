@@ -29,7 +29,7 @@ def chaos_findings(
     restarts, duration = 0, 0.0
     for r, state in zip(problem.recordings, problem.initial_states, strict=True):
         system, u, x0 = systems(problem.structure, values, r, settings, initial_state=state, gain=problem.gain)
-        found = response(system, u, r.dt, x0, settings, group=group, threads=problem.threads)
+        found = response(system, u, r.dt, x0, settings, group=group)
         each = np.bincount(found.rejoined[:, 1], minlength=group)  # of every set: large groups rejoin in parts
         restarts, duration = restarts + int(each.max()), duration + r.samples * r.dt
     if not restarts:

@@ -20,7 +20,7 @@ which the structure search uses, bounds do not count: there they are the rule.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -97,6 +97,7 @@ def multistart(
     patience: int,
     seed: int,
     enough: float = np.inf,
+    cost_to_beat: float = np.inf,
     options: MultistartOptions = MULTISTART_DEFAULTS,
 ) -> MultistartResult:
     """Search for the global optimum by batches of starts.
@@ -116,10 +117,12 @@ def multistart(
     seed : int
     enough : float
         Cost above which a white residual does not end the search, because another structure is known to fit better.
+    cost_to_beat : float
+        Cost above which an optimum is of no use: descents that would not get below it soon are given up.
     options : MultistartOptions
     """
     patience = int(options.hard_limit_patience * patience) if problem.has_hard_limit else patience
-    search = _Multistart(problem, space, settings, options, starts, enough)
+    search = _Multistart(problem, space, settings, options, starts, enough, cost_to_beat)
     first = _first_starts(space, given, starts)
     if given and _grows(problem):  # the first part of a recording may lose the quality of a given start
         search.descend([], _StartBatch(first[: len(given)], [False] * len(given)), search.agreeing)
@@ -133,23 +136,25 @@ def multistart(
     return search.result()
 
 
+@dataclass
 class _Multistart:
     """State of a multistart search: the batches so far, and the number of batches without improvement."""
 
-    def __init__(
-        self,
-        problem: SimulationErrorProblem,
-        space: ParameterSpace,
-        settings: Settings,
-        options: MultistartOptions,
-        starts: int,
-        enough: float = np.inf,
-    ) -> None:
-        self.problem, self.space, self.settings, self.options, self.enough = problem, space, settings, options, enough
-        self.starts, self.agreeing = starts, min(options.agreeing, starts)
-        self.batches: list[DescentBatch] = []
-        self.scanned_costs: list[float] = []
-        self.idle = 0
+    problem: SimulationErrorProblem
+    space: ParameterSpace
+    settings: Settings
+    options: MultistartOptions
+    starts: int
+    enough: float = np.inf
+    cost_to_beat: float = np.inf
+    batches: list[DescentBatch] = field(default_factory=list)
+    scanned_costs: list[float] = field(default_factory=list)
+    idle: int = 0
+
+    @property
+    def agreeing(self) -> int:
+        """Independent starts that have to agree."""
+        return min(self.options.agreeing, self.starts)
 
     @property
     def optima(self) -> list[Optimum]:
@@ -258,7 +263,8 @@ class _Multistart:
         the wrong size looks worse than it is.
         """
         problem, space, settings, options = self.problem, self.space, self.settings, self.options
-        unscanned = [o for o in self.optima if o.converged and not _is_among(o.cost, self.scanned_costs)]
+        seen = np.array(self.scanned_costs)
+        unscanned = [o for o in self.optima if o.converged and not np.isclose(o.cost, seen, SAME_OPTIMUM_RTOL, 0).any()]
         leader = self.leader
         if not unscanned or self.is_explained(leader):
             self.batches.append(DescentBatch([], [], [], 0, problem.count(min(len(unscanned), 1))))
@@ -297,7 +303,7 @@ class _Multistart:
             settings,
             starts,
             limit=options.rounds,
-            cost_to_beat=self.least_cost,
+            cost_to_beat=min(self.least_cost, self.cost_to_beat),
             stop_when=self.is_enough,
             min_agreeing=min_agreeing,
         )
@@ -359,12 +365,10 @@ def _stages(
     problem: SimulationErrorProblem, number: int, options: MultistartOptions, rng: np.random.Generator
 ) -> list[SimulationErrorProblem]:
     """Easier problems that the descents of batch `number` pass through: truncated ones, or with output feedback."""
-    share: float | None
+    share = options.shares[number % len(options.shares)]
     if problem.has_hard_limit:
         low, high = np.log(options.min_share), np.log(options.first_share)
         share = None if number % 2 else float(np.exp(rng.uniform(low, high)))
-    else:
-        share = options.shares[number % len(options.shares)]
     if share is None:
         stages = [problem.with_output_feedback(gain) for gain in options.feedback_shares]
         return [stage for stage in stages if stage is not None]
@@ -381,10 +385,6 @@ def _grows(problem: SimulationErrorProblem) -> bool:
 
 def _first_starts(space: ParameterSpace, given: Sequence[Mapping[str, float]], starts: int) -> list[Array]:
     return [*given_starts(space, given), space.start][: max(starts, len(given), 1)]
-
-
-def _is_among(cost: float, costs: Sequence[float]) -> bool:
-    return any(abs(cost - other) <= SAME_OPTIMUM_RTOL * other for other in costs)
 
 
 def _best(optima: Sequence[Optimum], count: int) -> list[Array]:

@@ -56,7 +56,6 @@ def predict_many(
     initial_state: InitialState | None = None,
     initial: Mapping[str, float] | None = None,
     group: int = 1,
-    threads: int = 1,
     gain: float = 0.0,
 ) -> Array:
     """Simulate K parameter sets: outputs, shape (outputs, samples, K), SI; not-a-number where diverged.
@@ -74,14 +73,13 @@ def predict_many(
         Initial state by state name, SI, in place of `initial_state`.
     group : int
         Sets that take the same steps, the first of them leads.
-    threads : int
     gain : float
         Output feedback in torque per speed.
     """
     system, u, x0 = systems(
         structure, values, recording, settings, initial_state=initial_state, initial=initial, gain=gain
     )
-    found = response(system, u, recording.dt, x0, settings, group=group, threads=threads)
+    found = response(system, u, recording.dt, x0, settings, group=group)
     y, (sample, follower) = found.y, found.rejoined.T
     for out, signal in enumerate(recording.outputs):
         if signal.kind == "speed":
@@ -192,7 +190,6 @@ class SimulationErrorProblem:
     #: shape (outputs,).
     weights: Array
     initial_states: tuple[InitialState, ...]  #: One per recording.
-    threads: int = 1  #: Threads to simulate on.
     gain: float = 0.0  #: Output feedback in torque per speed, N m s/rad (N s/m).
     friction_width: Nuisance | None = None  #: None if the settings give it, or if no friction reverses.
     drifts: tuple[Nuisance, ...] = ()  #: Of the long recordings, if they are estimated.
@@ -204,7 +201,6 @@ class SimulationErrorProblem:
         cls,
         structure: Structure,
         recordings: Sequence[Recording],
-        threads: int = 1,
         initial: Initial = "auto",
         friction_width: Nuisance | None = None,
         drift: bool = False,
@@ -227,7 +223,6 @@ class SimulationErrorProblem:
             tuple(recordings),
             1.0 / np.where(floor > 0.0, floor, 1.0),
             states,
-            threads,
             friction_width=friction_width if structure.has_dry_friction else None,
             drifts=drifts_of(recordings, tags) if drift else (),
             deviations=deviations_of(structure, recordings, tags, per_recording),
@@ -339,7 +334,6 @@ class SimulationErrorProblem:
                     weights,
                     sums=total,
                     upper_limits=upper_limits,
-                    threads=self.threads,
                 )
                 continue
             for some in _portions(len(total), r.y.size, 1):
@@ -355,9 +349,7 @@ class SimulationErrorProblem:
     def _predicted(
         self, values: Mapping[str, Array], r: Recording, state: InitialState, settings: Settings, group: int
     ) -> Array:
-        return predict_many(
-            self.structure, values, r, settings, initial_state=state, group=group, threads=self.threads, gain=self.gain
-        )
+        return predict_many(self.structure, values, r, settings, initial_state=state, group=group, gain=self.gain)
 
     def _parts(self) -> Iterator[tuple[Recording, InitialState, Array]]:
         """Each recording with its initial state and the weighted residual of a diverged simulation."""

@@ -228,17 +228,27 @@ def fit_multistart(
     seed: int,
     known: Sequence[StructureFit] = (),
     enough: float = np.inf,
+    cost_to_beat: float = np.inf,
 ) -> StructureFit:
     """Fit a structure of which nothing is known, or nothing but doubtful optima of its own or larger ones.
 
-    Starts begin there, too. A white residual is enough only up to the cost that another structure leaves.
+    Starts begin there, too. A white residual is enough only up to the cost that another structure leaves. Descents
+    that would not get below `cost_to_beat` are given up: an optimum above it is of no use.
     """
     problem, space = task.problem_and_space(structure)
     starts = options.narrow if ranges_within_decade(space) else options.fresh
     starts = options.fresh_hard_limit or starts if structure.has_hard_limit else starts
     given = _given(space, structure, known)
     found = multistart(
-        problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed, enough=enough
+        problem,
+        space,
+        task.settings,
+        given,
+        starts=starts,
+        patience=options.patience,
+        seed=seed,
+        enough=enough,
+        cost_to_beat=cost_to_beat,
     )
     end = min(found.optima, key=lambda e: e.cost)
     fitted = _fitted(structure, space, end, found.evaluations, found.simulations)

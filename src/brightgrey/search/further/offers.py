@@ -18,12 +18,12 @@ from brightgrey.numerics import distributions
 from brightgrey.search.fitting.anchors import anchors
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.refined_fit import whitening_by
-from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart
+from brightgrey.search.fitting.structure_fit import Options, StructureFit
 from brightgrey.search.further.proposals import (
-    FURTHER_STARTS,
     FurtherEffect,
     effects_by_multistart,
     explains_more_in_place,
+    fit_below,
     follows_further_effect,
     further_effects,
     is_bent,
@@ -213,7 +213,7 @@ class OfferingSearch:
         best = min(alike, key=lambda f: (parameters[f.structure], f.cost))
         if not any(is_bent(p) for p in best.structure.placed if p not in own.structure.placed):
             return best
-        return min(best, fit_multistart(self.task, best.structure, FURTHER_STARTS, self.seed), key=lambda f: f.cost)
+        return min(best, fit_below(self.task, best.structure, best.cost, self.seed), key=lambda f: f.cost)
 
     def by_multistart(self, own: StructureFit) -> StructureFit | None:
         """A fit with the best of the bent effects, each by multistart; None if none is notable."""

@@ -41,6 +41,7 @@ __all__ = [
     "changes_beside",
     "effects_by_multistart",
     "explains_more_in_place",
+    "fit_below",
     "follows_further_effect",
     "further_effects",
     "is_bent",
@@ -150,13 +151,18 @@ def is_spring(placed: Placed) -> bool:
     return is_bent(placed) or placed.effect.port_reads == "position"
 
 
+def fit_below(task: IdentificationTask, structure: Structure, cost: float, seed: int) -> StructureFit:
+    """Fit by multistart of a structure that is of use only below a cost: elsewhere no descent is brought to its end."""
+    return fit_multistart(task, structure, FURTHER_STARTS, seed, cost_to_beat=cost)
+
+
 def effects_by_multistart(
     task: IdentificationTask, fitted: StructureFit, some: Sequence[Placed], seed: int, workers: Executor
 ) -> tuple[FurtherEffect, ...]:
     """Effects that explain a notable part, each fitted by multistart; the best by BIC first."""
     tried = _possible(fitted, some)
-    fits = in_order(workers, fit_multistart, [(task, _with(fitted, p), FURTHER_STARTS, seed) for p in tried])
     enough = (1.0 - FURTHER.notable_gain) * fitted.cost
+    fits = in_order(workers, fit_below, [(task, _with(fitted, p), enough, seed) for p in tried])
     notable = [(p, f) for p, f in zip(tried, fits, strict=True) if f.cost <= enough < np.inf]
     samples = sum(r.y.size for r in task.recordings)
     notable.sort(key=lambda pair: bic(positive(pair[1].cost), samples, pair[1].free))
@@ -196,13 +202,13 @@ def explains_more_in_place(
     task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int, workers: Executor
 ) -> bool:
     """True if an effect that detunes resonances explains more in the place of one that it excludes, by multistart."""
+    enough = (1.0 - FURTHER.notable_gain) * fitted.cost
     calls = []
     for placed in (p for p in more if p.effect.detunes_resonances):
         others = tuple(p for p in fitted.structure.placed if not placed.excludes(p))
         if len(others) < len(fitted.structure.placed):
-            calls.append((task, Structure((*others, placed)), FURTHER_STARTS, seed))
-    enough = (1.0 - FURTHER.notable_gain) * fitted.cost
-    return any(instead.cost <= enough for instead in in_order(workers, fit_multistart, calls))
+            calls.append((task, Structure((*others, placed)), enough, seed))
+    return any(instead.cost <= enough for instead in in_order(workers, fit_below, calls))
 
 
 def changes_beside(

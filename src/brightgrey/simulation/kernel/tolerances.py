@@ -22,6 +22,7 @@ class KernelTolerances(NamedTuple):
     #: Distance between a limited state and that of its group's leader, relative to the width between the limits, up to
     #: which differences between the two count as linear.
     leader_distance: float = 0.01
+    least_shared_samples: int = 1000  #: Samples of a batch for which another thread is worth its start.
 
 
 TOLERANCES = KernelTolerances()

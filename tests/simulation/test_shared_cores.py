@@ -1,0 +1,92 @@
+"""Simulations on the cores that other threads leave idle: the same bits, and no more threads than cores."""
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+
+import numpy as np
+import pytest
+
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.excitation.random_drives import random_values
+from brightgrey.kit import PAPER, assemble
+from brightgrey.simulation import Settings, response, shared_cores
+from brightgrey.simulation.response import squares
+from brightgrey.simulation.shared_cores import on_idle_cores
+
+SETS = 40
+OUTPUTS = ("position", "velocity", "acceleration")
+
+
+def counted(most):
+    """Number of threads on which a part runs at the same time, where up to `most` idle cores are asked for."""
+    running, threads = threading.Barrier(1 + most), set()
+
+    def part():
+        threads.add(threading.get_ident())
+        with suppress(threading.BrokenBarrierError):
+            running.wait(0.2)
+
+    on_idle_cores(part, most)
+    return len(threads)
+
+
+def test_on_idle_cores__no_cores_offered__here_alone():
+    assert counted(2) == 1
+
+
+@pytest.mark.parametrize(("cores", "most", "threads"), [(1, 3, 1), (2, 3, 2), (4, 3, 4), (8, 1, 2), (4, -1, 1)])
+def test_on_idle_cores__offered_cores__so_many_threads(cores, most, threads):
+    with shared_cores(cores):
+        assert counted(max(most, 0)) == threads
+    assert counted(max(most, 0)) == 1
+
+
+def test_on_idle_cores__other_threads_at_work__takes_what_they_leave():
+    inside, done = threading.Barrier(3), threading.Event()
+
+    def work():
+        on_idle_cores(lambda: (inside.wait(), done.wait()), 0)
+
+    with shared_cores(4), ThreadPoolExecutor(2) as pool:
+        busy = [pool.submit(work) for _ in range(2)]
+        inside.wait()
+        assert counted(3) == 2
+        done.set()
+        for each in busy:
+            each.result()
+        assert counted(3) == 4
+
+
+def test_on_idle_cores__part_fails__waits_for_the_others_and_raises():
+    ended = threading.Event()
+    own = threading.get_ident()
+
+    def part():
+        if threading.get_ident() == own:
+            raise KeyboardInterrupt
+        threading.Event().wait(0.05)
+        ended.set()
+
+    with shared_cores(2):
+        with pytest.raises(KeyboardInterrupt):
+            on_idle_cores(part, 1)
+        assert ended.is_set()
+        assert counted(1) == 2
+
+
+@pytest.mark.parametrize("name", ["two_mass+coulomb+viscous+backlash", "three_mass+stribeck+delay"])
+@pytest.mark.parametrize("group", [1, 5, 20])
+def test_response__idle_cores__same_bits(name, group):
+    structure, u = PAPER.parse(name), E.torque()
+    values = random_values(structure.parameters, np.random.default_rng(3))
+    sets = {n: value * (1.0 + 1e-3 * np.arange(SETS)) for n, value in values.items()}
+    system, how = assemble(structure, sets, E.f_tanh, OUTPUTS), Settings(E.f_tanh, E.speed, "fast")
+    x0 = system.rest(u=u[0])
+    y = response(system, u, E.dt, x0, how, group=group).y
+    weights, none, limits = np.ones(3), np.zeros(SETS), np.full(SETS, np.inf)
+    cost = squares(system, u, E.dt, x0, how, 0.5 * y[:, :, 0], weights, sums=none, upper_limits=limits)
+    with shared_cores(3):
+        np.testing.assert_array_equal(response(system, u, E.dt, x0, how, group=group).y, y)
+        again = squares(system, u, E.dt, x0, how, 0.5 * y[:, :, 0], weights, sums=none, upper_limits=limits)
+    np.testing.assert_array_equal(again, cost)
