@@ -103,9 +103,10 @@ def further_effects(
 
 
 def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed]) -> tuple[FurtherEffect, ...]:
-    """Dry friction of `more` that a structure has at another mass, each in the place of that one.
+    """Dry friction of `more` that a structure has at another mass, which gives a part of it, or all.
 
     The one that is there has taken the part of the other, and no first step leads from one to the other: a mass sticks.
+    Their sum is known, so that a few parts are tried.
 
     Parameters
     ----------
@@ -118,12 +119,26 @@ def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence
     least = dict(zip(space.names, space.low.tolist(), strict=True))
     for placed in _possible(fitted, more):
         for own in (p for p in fitted.structure.placed if p.name == placed.name and p.effect.is_dry_friction):
-            start = {placed.parameter(q.symbol): fitted.values[own.parameter(q.symbol)] for q in own.effect.parameters}
-            sizes = [own.parameter(q.symbol) for q in own.effect.parameters if q.size]
-            gone = {name: max(least[name], 0.0) for name in sizes if name in least}
-            if len(gone) == len(sizes):  # what is fixed cannot vanish
-                found.append(FurtherEffect(placed, added_with(placed, fitted.structure), {**start, **gone}))
+            sizes = {q.symbol for q in own.effect.parameters if q.size}
+            if {own.parameter(symbol) for symbol in sizes} <= set(least):  # what is fixed cannot vanish
+                start = _best_parts(task, fitted, own, placed, least)
+                found.append(FurtherEffect(placed, added_with(placed, fitted.structure), start))
     return tuple(found)
+
+
+def _best_parts(
+    task: IdentificationTask, fitted: StructureFit, own: Placed, other: Placed, least: Mapping[str, float]
+) -> dict[str, float]:
+    """Parameters of an effect at two masses, with the parts of its size that explain most."""
+    problem, space = task.problem_and_space(_with(fitted, other))
+    part, start = np.array(FURTHER.moved_parts), dict[str, Array]()
+    for q in own.effect.parameters:
+        name, value = own.parameter(q.symbol), fitted.values[own.parameter(q.symbol)]
+        start[other.parameter(q.symbol)] = value * part if q.size else np.full(len(part), value)
+        start[name] = np.maximum(value * (1.0 - part), max(least[name], 0.0)) if q.size else np.full(len(part), value)
+    base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **fitted.values}
+    cost = problem.costs({**{name: np.full(len(part), value) for name, value in base.items()}, **start}, task.settings)
+    return {name: float(values[np.argmin(cost)]) for name, values in start.items()}
 
 
 def by_score(changes: Sequence[EffectChanges], left: Array) -> list[tuple[float, FurtherEffect]]:
