@@ -255,8 +255,8 @@ def fit_multistart(
     starts = options.fresh_hard_limit or starts if structure.has_hard_limit else starts
     given = _given(space, structure, known)
     smaller = [f.values for f in known if f.structure.masses == structure.masses - 1]
-    if smaller and not structure.has_hard_limit:
-        starts //= 2  # a shorter chain that grows finds more, for less
+    if smaller and structure.masses > 2 and not structure.has_hard_limit:
+        starts //= 2  # a shorter chain that grows finds more, for less, once it has a resonance
     found = multistart(
         problem,
         space,

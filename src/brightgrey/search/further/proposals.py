@@ -106,7 +106,7 @@ def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence
     """Dry friction of `more` that a structure has at another mass, which gives a part of it, or all.
 
     The one that is there has taken the part of the other, and no first step leads from one to the other: a mass sticks.
-    Their sum is known, so that a few parts are tried.
+    Their sum is known. Descents begin with half of it there and with all of it, since either one may be trapped.
 
     Parameters
     ----------
@@ -119,26 +119,16 @@ def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence
     least = dict(zip(space.names, space.low.tolist(), strict=True))
     for placed in _possible(fitted, more):
         for own in (p for p in fitted.structure.placed if p.name == placed.name and p.effect.is_dry_friction):
-            sizes = {q.symbol for q in own.effect.parameters if q.size}
-            if {own.parameter(symbol) for symbol in sizes} <= set(least):  # what is fixed cannot vanish
-                start = _best_parts(task, fitted, own, placed, least)
+            values = {q.symbol: fitted.values[own.parameter(q.symbol)] for q in own.effect.parameters}
+            sizes = [q.symbol for q in own.effect.parameters if q.size and own.parameter(q.symbol) in least]
+            if len(sizes) < sum(q.size for q in own.effect.parameters):
+                continue  # what is fixed cannot vanish
+            for part in FURTHER.moved_parts:
+                start = {placed.parameter(n): value * (part if n in sizes else 1.0) for n, value in values.items()}
+                left = {n: max((1.0 - part) * values[n], least[own.parameter(n)], 0.0) for n in sizes}
+                start |= {own.parameter(n): value for n, value in left.items()}
                 found.append(FurtherEffect(placed, added_with(placed, fitted.structure), start))
     return tuple(found)
-
-
-def _best_parts(
-    task: IdentificationTask, fitted: StructureFit, own: Placed, other: Placed, least: Mapping[str, float]
-) -> dict[str, float]:
-    """Parameters of an effect at two masses, with the parts of its size that explain most."""
-    problem, space = task.problem_and_space(_with(fitted, other))
-    part, start = np.array(FURTHER.moved_parts), dict[str, Array]()
-    for q in own.effect.parameters:
-        name, value = own.parameter(q.symbol), fitted.values[own.parameter(q.symbol)]
-        start[other.parameter(q.symbol)] = value * part if q.size else np.full(len(part), value)
-        start[name] = np.maximum(value * (1.0 - part), max(least[name], 0.0)) if q.size else np.full(len(part), value)
-    base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **fitted.values}
-    cost = problem.costs({**{name: np.full(len(part), value) for name, value in base.items()}, **start}, task.settings)
-    return {name: float(values[np.argmin(cost)]) for name, values in start.items()}
 
 
 def by_score(changes: Sequence[EffectChanges], left: Array) -> list[tuple[float, FurtherEffect]]:
