@@ -30,22 +30,3 @@ def test_merge__down_to_one_mass__keeps_the_inertia():
     values = {"J1": 1.0, "J2": 2.0, "J3": 4.0, "c1": 1.0, "c2": 1.0, "d1": 1.0, "d2": 1.0}
     assert registry()["three_mass"].search.merge(values, 1) == [{"J1": 7.0}]
     assert registry()["one_mass"].search.merge is None
-
-
-def test_split__every_mass__merges_to_the_chain_it_comes_from():
-    values = {"J1": 0.01, "J2": 0.002, "J3": 0.006, "c1": 100.0, "c2": 60.0, "d1": 0.02, "d2": 0.01}
-    larger = registry()["four_mass"]
-    split = larger.search.split(values, np.array([50.0, 400.0]))
-    rows, lines, masses, choices = split.shape
-    assert (rows, lines, masses) == (len(larger.parameters), 2, 3)
-    assert np.all(split > 0.0)
-    symbols = [q.symbol for q in larger.parameters]
-    for line in range(lines):
-        for mass in range(masses):
-            for chosen in split[:, line, mass].T:
-                named = dict(zip(symbols, chosen.tolist(), strict=True))
-                assert larger.search.merge(named, 3)[mass] == pytest.approx(values)
-                parts = named[f"J{mass + 1}"], named[f"J{mass + 2}"]
-                resonance = np.sqrt(named[f"c{mass + 1}"] * (1.0 / parts[0] + 1.0 / parts[1]))
-                assert resonance == pytest.approx((50.0, 400.0)[line])
-    assert len(np.unique(split.reshape(rows, -1), axis=1).T) == lines * masses * choices

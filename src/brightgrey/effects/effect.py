@@ -143,10 +143,6 @@ class SearchHints:
         ``enumerate(values, omega) -> values``: all that `perturb` can do, on a grid. The values have the shape
         (parameters,), and for each of the frequencies, shape (K,), there are equally many candidates: the result
         has the shape (parameters, K, candidates).
-    split : callable or None
-        ``split(values, omega) -> values``: all ways to split a mass of the chain with one mass less, whose `values` are
-        given by symbol. For each of the frequencies, shape (K,), of the new shaft, and for each mass, there are equally
-        many: the result has the shape (parameters, K, masses, candidates).
     merge : callable or None
         ``merge(values, masses) -> [{symbol: value}]``: the chains of so many masses that may behave alike, for effects
         with more masses. Here `values` are given by symbol.
@@ -158,7 +154,6 @@ class SearchHints:
     sample: Callable[[Scales, Array], Array] | None = None
     perturb: Callable[[Array, Array, Array], Array] | None = None
     enumerate: Callable[[Array, Array], Array] | None = None
-    split: Callable[[Mapping[str, float], Array], Array] | None = None
     merge: Callable[[Mapping[str, float], int], Sequence[Mapping[str, float]]] | None = None
     wave: tuple[str, str] | None = None
 

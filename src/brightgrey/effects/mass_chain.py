@@ -79,7 +79,6 @@ def mass_chain(name: str, masses: int) -> Effect:
             sample=hints.sample,
             perturb=partial(_perturb_chains, masses=masses),
             enumerate=partial(_enumerate_chains, masses=masses),
-            split=partial(_split_chain, masses=masses),
             merge=_merge_masses,
         )
     coupled = "" if masses == 1 else ", coupled in a row by springs and dampers"
@@ -173,7 +172,9 @@ def _damping(k: int, masses: int) -> Parameter:
 
 def _stamp_chain(draft: Draft, place: int, values: Values, *, masses: int) -> Draft:
     """Fill the empty draft with the chain of masses (eq. 7, 8)."""
-    return Draft.mass_chain(*_listed(values, masses))
+    J = [values[f"J{i}"] for i in range(1, masses + 1)]
+    c, d = ([values[f"{symbol}{k}"] for k in range(1, masses)] for symbol in "cd")
+    return Draft.mass_chain(J, c, d)
 
 
 def _sample_chains(scales: Scales, share: Array, *, masses: int) -> Array:
@@ -238,17 +239,6 @@ def _enumerate_chains(values: Array, omega: Array, *, masses: int) -> Array:
     return np.moveaxis(np.array(table), 2, 0)
 
 
-def _split_chain(values: Mapping[str, float], omega: Array, *, masses: int) -> Array:
-    """Split each mass of the shorter chain, with inertia and damping on a grid."""
-    choices = list(product(CHAIN_HEURISTICS.grid_parts, CHAIN_HEURISTICS.grid_damping_ratios))
-    J, c, d = _listed(values, masses - 1)
-    table = [
-        [[_split_mass([*J], [*c], [*d], k, *choice, resonance) for choice in choices] for k in range(masses - 1)]
-        for resonance in omega.tolist()
-    ]
-    return np.moveaxis(np.array(table), 3, 0)
-
-
 def _merge_masses(values: Mapping[str, float], masses: int) -> list[Mapping[str, float]]:
     """Join neighbours until `masses` are left, in every way, the last ones last.
 
@@ -257,7 +247,8 @@ def _merge_masses(values: Mapping[str, float], masses: int) -> list[Mapping[str,
     present = sum(symbol.startswith("J") for symbol in values)
     found: list[Mapping[str, float]] = []
     for rigid in combinations(range(present - 1), present - masses):
-        J, c, d = _listed(values, present)
+        J = [values[f"J{i}"] for i in range(1, present + 1)]
+        c, d = ([values[f"{symbol}{k}"] for k in range(1, present)] for symbol in "cd")
         for k in reversed(rigid):
             _join_masses(J, c, d, k)
         named = (("J", J), ("c", c), ("d", d))
@@ -270,13 +261,6 @@ def _join_and_split(
 ) -> list[float]:
     """Remove the shaft behind one mass and put a new one into another, with `part` of its inertia before the shaft."""
     _join_masses(J, c, d, joined)
-    return _split_mass(J, c, d, split, part, ratio, omega)
-
-
-def _split_mass(
-    J: list[float], c: list[float], d: list[float], split: int, part: float, ratio: float, omega: float
-) -> list[float]:
-    """Put a new shaft into a mass, with `part` of its inertia before the shaft."""
     reduced = J[split] * part * (1.0 - part)
     J[split : split + 1] = [J[split] * part, J[split] * (1.0 - part)]
     c.insert(split, reduced * omega**2)
@@ -288,12 +272,6 @@ def _join_masses(J: list[float], c: list[float], d: list[float], k: int) -> None
     """Make one mass of the k-th and the next, in place."""
     J[k : k + 2] = [J[k] + J[k + 1]]
     del c[k], d[k]
-
-
-def _listed(values: Mapping[str, float], masses: int) -> tuple[list[float], list[float], list[float]]:
-    """Inertias, springs and dampers of a chain."""
-    c, d = ([values[f"{symbol}{k}"] for k in range(1, masses)] for symbol in "cd")
-    return [values[f"J{i}"] for i in range(1, masses + 1)], c, d
 
 
 def _rows(masses: int) -> tuple[slice, slice, slice]:

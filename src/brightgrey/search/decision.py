@@ -23,7 +23,7 @@ from brightgrey.search.detectability import Detectability, has
 from brightgrey.search.evidence import Evidence, assess_effects
 from brightgrey.search.fitting.coarse import coarse_task
 from brightgrey.search.fitting.refined_fit import Refined, accurate
-from brightgrey.search.fitting.structure_fit import StructureFit, fit_percent
+from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.lattice import Lattice, is_excluded, one_larger
 from brightgrey.search.model_error import signs_of_model_error
 from brightgrey.search.parallel import Stopped, in_order, thread_pool
@@ -174,8 +174,8 @@ def decide_structures(
 def _progress_of(search: BorderSearch, step: SearchProgress) -> SearchProgress:
     """Step of a search with its best fit and its border so far."""
     best, border = search.fits.best(), search.border
-    percent = fit_percent(search.task, best) if np.isfinite(best.cost) else None
-    known = replace(step, fit_percent=percent, values=dict(best.values))
+    fit_percent = search.fits.fit_percent(best) if np.isfinite(best.cost) else None
+    known = replace(step, fit_percent=fit_percent, values=dict(best.values))
     if border is None:
         return known
     lattice = search.lattice
@@ -234,7 +234,7 @@ def evidence_of(
         status,
         replace(
             certificate,
-            poor_fit=100.0 - fit_percent(search.task, search.fits.best()) if search.fits_poorly() else None,
+            poor_fit=100.0 - search.fits.fit_percent(search.fits.best()) if search.fits_poorly() else None,
             fitted=len(search.fits.done),
             minimal=(*certificate.minimal, *map(str, instead)),
             held_back={c.effect: c.verdict for c in held_back},

@@ -26,7 +26,6 @@ __all__ = [
     "minimal_supermodels",
     "one_larger",
     "one_smaller",
-    "with_shorter_chain",
 ]
 
 
@@ -64,11 +63,6 @@ def maximal_submodels(structure: Structure, among: Iterable[Structure]) -> list[
         if not any(contains(t, s) for t in found):
             found.append(s)
     return found
-
-
-def with_shorter_chain(structure: Structure, among: Iterable[Structure]) -> list[Structure]:
-    """The largest of the structures `among` others that `structure` contains and that have one mass less, if any."""
-    return maximal_submodels(structure, [s for s in among if s.masses == structure.masses - 1])[:1]
 
 
 def minimal_supermodels(structure: Structure, among: Iterable[Structure]) -> list[Structure]:

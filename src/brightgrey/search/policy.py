@@ -128,7 +128,6 @@ class FurtherEffectsPolicy:
     rescued_share: float = 1.0 / 3.0
     at_once: int = 4  #: Effects that are offered at a time; more follow if these leave something.
     most: int = 6  #: Effects that are offered in all.
-    moved_parts: tuple[float, ...] = (0.5, 1.0)  #: Of dry friction that moves to another mass: descents begin at each.
     exchanged: int = 3  #: Effects that are fitted in the place of one, those that promise most.
     #: Part of what an effect explains from which one that is as simple is fitted in its place, whatever else it leaves.
     imitated_share: float = 0.5

@@ -1,5 +1,6 @@
 """Start points, and the end of a multistart search."""
 
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
@@ -9,14 +10,20 @@ from scipy.signal import lfilter
 from brightgrey.effects import Scales, registry
 from brightgrey.estimation import scales
 from brightgrey.estimation.noise.residual_analysis import is_white
-from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL, Optimum
+from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL, Optimum, fit_many
 from brightgrey.estimation.optimisation.multistart import DescentBatch, agreeing_starts, multistart
 from brightgrey.estimation.optimisation.options import StartPointOptions
-from brightgrey.estimation.optimisation.start_points import best_diverse, perturbed_starts, torque_rows
+from brightgrey.estimation.optimisation.start_points import (
+    best_diverse,
+    perturbed_starts,
+    resonance_scan,
+    starts_at_residual_peaks,
+    torque_rows,
+)
 from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
-from brightgrey.kit import PAPER
+from brightgrey.kit import PAPER, assemble
 from brightgrey.recordings import read_recording
 from brightgrey.simulation import Settings
 
@@ -101,6 +108,65 @@ def test_declared_ways__keep_the_total_inertia__all_different(name):
     assert np.all(other > 0.0)
     flat = other.reshape(len(values), -1)
     assert len(np.unique(flat.round(12), axis=1).T) == flat.shape[1]
+
+
+def test_starts_at_residual_peaks__have_the_resonance_of_the_residual(demo):
+    structure = PAPER.parse("two_mass")
+    space, omega = parameter_space(structure, scales(demo), {}, {}), 2 * np.pi * 20.0
+    settings = Settings(f_tanh=2.5, speed_scale=40.0, level="fast")
+    values = np.array([0.008, 0.012, 250.0, 0.1])
+    problem = SimulationErrorProblem.of(structure, [demo])
+    simulated = problem.residuals(space.named(values[:, None]), settings)[:, 0] / problem.weights[0] + demo.y[0]
+    disturbed = replace(demo, y=(simulated + np.sin(omega * demo.t))[None])
+    problem = SimulationErrorProblem.of(structure, [disturbed])
+    found = starts_at_residual_peaks(problem, space, settings, values, 200, np.random.default_rng(3))
+    np.testing.assert_allclose(found[:2].sum(axis=0), values[:2].sum(), rtol=1e-9)
+    resonances = [
+        np.abs(np.linalg.eigvals(assemble(structure, dict(zip(space.names, v, strict=True)), 2.5).A)).max()
+        for v in found.T
+    ]
+    resolution = 2 * np.pi / (demo.samples * demo.dt)
+    assert np.mean(np.abs(np.array(resonances) - omega) < 2 * resolution) >= 0.95
+    assert len(np.unique(found[0])) == 200
+
+
+def test_resonance_scan__undamped_resonance__is_found_from_a_stiff_model(demo):
+    structure = PAPER.parse("two_mass+viscous")
+    space, settings = (
+        parameter_space(structure, scales(demo), {}, {}),
+        Settings(f_tanh=2.5, speed_scale=40.0, level="fast"),
+    )
+    problem = SimulationErrorProblem.of(structure, [demo])
+    true, stiff = np.array([0.019, 0.0009, 25.0, 1e-5, 0.01]), np.array([0.01, 0.0099, 2e5, 5.0, 0.01])
+    made = problem.residuals(space.named(true[:, None]), settings)[:, 0] / problem.weights[0] + demo.y[0]
+    disturbed = replace(demo, y=(made + 0.05 * np.random.default_rng(4).standard_normal(demo.samples))[None])
+    problem = SimulationErrorProblem.of(structure, [disturbed])
+    found, _ = resonance_scan(problem, space, settings, stiff, 24)
+    assert found.shape[0] == 5
+    assert 0 < found.shape[1] <= 24
+    assert np.all((found >= space.low[:, None]) & (found <= space.high[:, None]))
+    np.testing.assert_allclose(found[:2].sum(axis=0), stiff[:2].sum(), rtol=1e-9)
+    wanted = np.sqrt(true[2] * (1 / true[0] + 1 / true[1]))
+    resonances = np.sqrt(found[2, 0] * (1 / found[0, 0] + 1 / found[1, 0]))
+    assert abs(resonances - wanted) < np.pi / (demo.samples * demo.dt)  # half a line
+    end = fit_many(problem, space, settings, found[:, :1], limit=40)[0]
+    assert end.cost <= 1.001 * problem.costs(space.named(true[:, None]), settings)[0]
+    lone = fit_many(problem, space, settings, stiff[:, None], limit=40)[0]
+    assert lone.cost > 1.5 * end.cost
+
+
+def test_resonance_starts__no_parts_to_exchange__are_empty(demo):
+    structure = PAPER.parse("one_mass+viscous")
+    space = parameter_space(structure, scales(demo), {}, {})
+    problem, settings = (
+        SimulationErrorProblem.of(structure, [demo]),
+        Settings(f_tanh=2.5, speed_scale=40.0, level="fast"),
+    )
+    assert starts_at_residual_peaks(problem, space, settings, space.start, 10, np.random.default_rng(0)).shape == (
+        2,
+        0,
+    )
+    assert resonance_scan(problem, space, settings, space.start, 10)[0].shape == (2, 0)
 
 
 def test_best_diverse__are_good__and_apart(demo):

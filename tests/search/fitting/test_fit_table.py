@@ -192,12 +192,9 @@ class Asked(Executor):
             {"two_mass": 100.0, "two_mass+coulomb": 95.0, "two_mass+viscous": 60.0, "two_mass+backlash": 40.0},
             {"two_mass": ["two_mass+backlash"], "two_mass+coulomb": []},
         ),
-        (  # it has found the gap, whatever else it has and lacks; the other one grows from the shorter chain
+        (  # it has found the gap, whatever else it has and lacks
             {"two_mass+viscous+backlash": 100.0, "three_mass+coulomb+backlash": 40.0, "two_mass+coulomb": 30.0},
-            {
-                "two_mass+viscous+backlash": ["three_mass+coulomb+backlash"],
-                "three_mass+coulomb+backlash": ["two_mass+coulomb"],
-            },
+            {"two_mass+viscous+backlash": ["three_mass+coulomb+backlash"], "three_mass+coulomb+backlash": []},
         ),
     ],
     ids=["better supermodel", "best fit with a hard limit"],

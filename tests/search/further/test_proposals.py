@@ -69,8 +69,7 @@ def costs_beside(task, known, found):
     larger = [(Structure((*known.structure.placed, *f.added)), {**known.values, **f.start}) for f in found]
     with thread_pool(None) as workers:
         fits = FitTable(task, ()).tried(larger, workers)
-    costs = [(str(f.placed), t.cost) for f, t in zip(found, fits, strict=True)]
-    return {name: min(cost for other, cost in costs if other == name) for name, _ in costs}
+    return {str(f.placed): t.cost for f, t in zip(found, fits, strict=True)}
 
 
 @pytest.mark.long

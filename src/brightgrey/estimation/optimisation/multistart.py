@@ -19,7 +19,7 @@ which the structure search uses, bounds do not count: there they are the rule.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -29,9 +29,14 @@ from brightgrey.arrays import Array
 from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL, Optimum, fit_many
 from brightgrey.estimation.optimisation.options import MULTISTART_DEFAULTS, MultistartOptions
-from brightgrey.estimation.optimisation.resonances import grown_starts, resonance_scan, starts_at_residual_peaks
-from brightgrey.estimation.optimisation.stages import begins_small, stages_of
-from brightgrey.estimation.optimisation.start_points import best_diverse, given_starts, perturbed_starts, torque_rows
+from brightgrey.estimation.optimisation.start_points import (
+    best_diverse,
+    given_starts,
+    perturbed_starts,
+    resonance_scan,
+    starts_at_residual_peaks,
+    torque_rows,
+)
 from brightgrey.estimation.optimisation.torque_regression import with_regressed_sizes, with_waves
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_count import SimulationCount
@@ -43,6 +48,7 @@ __all__ = [
     "MultistartResult",
     "agreeing_starts",
     "first_starts",
+    "growing_horizons",
     "multistart",
 ]
 
@@ -92,7 +98,6 @@ def multistart(
     seed: int,
     enough: float = np.inf,
     cost_to_beat: float = np.inf,
-    smaller: Mapping[str, float] | None = None,
     options: MultistartOptions = MULTISTART_DEFAULTS,
 ) -> MultistartResult:
     """Search for the global optimum by batches of starts.
@@ -114,22 +119,16 @@ def multistart(
         Cost above which a white residual does not end the search, because another structure is known to fit better.
     cost_to_beat : float
         Cost above which an optimum is of no use: descents that would not get below it soon are given up.
-    smaller : mapping of str to float, optional
-        Optimum of the chain with one mass less, SI. After the first batch its masses are split, and the resonances of
-        the best optimum are scanned.
     options : MultistartOptions
     """
     patience = int(options.hard_limit_patience * patience) if problem.has_hard_limit else patience
     search = _Multistart(problem, space, settings, options, starts, enough, cost_to_beat)
     first = _first_starts(space, given, starts)
-    if given and begins_small(problem):  # the first part of a recording may lose the quality of a given start
+    if given and _grows(problem):  # the first part of a recording may lose the quality of a given start
         search.descend([], _StartBatch(first[: len(given)], [False] * len(given)), search.agreeing)
     for number in range(1 + options.max_batches * patience):
         search.next_batch(number, first, np.random.default_rng([seed, number]))
-        if smaller and not number:
-            search.grow_masses(smaller)
-            search.scan_resonances()
-        elif patience > 1 and search.idle % options.scan_interval == 1:
+        if patience > 1 and search.idle % options.scan_interval == 1:
             search.scan_resonances()
         if search.idle >= patience or not space.names or search.is_finished(patience):
             break
@@ -182,7 +181,7 @@ class _Multistart:
     def next_batch(self, number: int, first: list[Array], rng: np.random.Generator) -> None:
         """Choose the starts of a batch, `first` among them, and descend from them."""
         missing = self.agreeing - agreeing_starts(self.batches)
-        stages = stages_of(self.problem, number, self.options, rng)
+        stages = _stages(self.problem, number, self.options, rng)
         easiest = stages[0] if stages else self.problem
         batch = self.choose_starts(easiest, first, rng, number)
         least = self.least_cost
@@ -260,7 +259,8 @@ class _Multistart:
         """Scan the resonances of an optimum, and descend from the best frequencies.
 
         It is the best converged optimum that has not been scanned: one that is not the leader may be nearer to the
-        global optimum in all but the resonance.
+        global optimum in all but the resonance. Starts are chosen after a few rounds of descent, because a resonance of
+        the wrong size looks worse than it is.
         """
         problem, space, settings, options = self.problem, self.space, self.settings, self.options
         seen = np.array(self.scanned_costs)
@@ -271,25 +271,10 @@ class _Multistart:
             return
         parent = min(unscanned, key=lambda optimum: optimum.cost)
         self.scanned_costs.append(parent.cost)
-        found = resonance_scan(problem, space, settings, parent.values, options.scan_starts, options.start_points)
-        self.descend_tuned(*found)
-
-    def grow_masses(self, smaller: Mapping[str, float]) -> None:
-        """Descend from where a chain with one mass less has its optimum, with each of its masses split."""
-        problem, space, options = self.problem, self.space, self.options
-        found = np.zeros((len(space.names), 0)), 0
-        if not self.is_explained(self.leader):
-            count, how = options.grown_starts, options.start_points
-            found = grown_starts(problem, space, self.settings, smaller, count, how)
-        self.descend_tuned(*found)
-
-    def descend_tuned(self, starts: Array, sets: int) -> None:
-        """Descend from the best of some starts, shape (P, K), after a few rounds; `sets` have been simulated for them.
-
-        A resonance of the wrong size looks worse than it is.
-        """
-        problem, space, settings, options = self.problem, self.space, self.settings, self.options
-        leader, simulations = self.leader, problem.count(1 + sets)
+        starts, sets = resonance_scan(
+            problem, space, settings, parent.values, options.scan_starts, options.start_points
+        )
+        simulations = problem.count(1 + sets)
         if not starts.size:
             self.batches.append(DescentBatch([], [], [], 0, simulations))
             return
@@ -358,11 +343,44 @@ def first_starts(
     return search.choose_starts(problem, _first_starts(space, given, starts), rng).starts
 
 
+def growing_horizons(share: float, options: MultistartOptions = MULTISTART_DEFAULTS) -> Iterator[float]:
+    """Growing parts of the excitation, less than the whole, on which a drive is fitted in succession.
+
+    Contacts and unstable motions make the valley of the cost narrower the longer the recording is. From one part to
+    the next, the estimate has to improve more than the valley narrows.
+    """
+    while share < 1.0:
+        yield share
+        share *= options.share_growth
+
+
 def agreeing_starts(batches: Sequence[DescentBatch]) -> int:
     """Number of independent starts that have reached the best optimum of all batches."""
     least = min((batch.least_cost for batch in batches), default=0.0)
     pairs = (pair for batch in batches for pair in zip(batch.optima, batch.independent, strict=True))
     return sum(independent and o.cost <= (1.0 + SAME_OPTIMUM_RTOL) * least for o, independent in pairs)
+
+
+def _stages(
+    problem: SimulationErrorProblem, number: int, options: MultistartOptions, rng: np.random.Generator
+) -> list[SimulationErrorProblem]:
+    """Easier problems that the descents of batch `number` pass through: truncated ones, or with output feedback."""
+    share = options.shares[number % len(options.shares)]
+    if problem.has_hard_limit:
+        low, high = np.log(options.min_share), np.log(options.first_share)
+        share = None if number % 2 else float(np.exp(rng.uniform(low, high)))
+    if share is None:
+        stages = [problem.with_output_feedback(gain) for gain in options.feedback_shares]
+        return [stage for stage in stages if stage is not None]
+    shares = growing_horizons(share, options) if _grows(problem) else [share] if share < 1.0 else []
+    parts = [problem.truncated(share) for share in shares]
+    longer = [k == 0 or part.samples > parts[k - 1].samples for k, part in enumerate(parts)]
+    return [part for part, more in zip(parts, longer, strict=True) if more and part.samples < problem.samples]
+
+
+def _grows(problem: SimulationErrorProblem) -> bool:
+    """True if descents begin on a small part of the recordings: hard limits and instability make the cost rugged."""
+    return problem.has_hard_limit or problem.structure.may_be_unstable
 
 
 def _first_starts(space: ParameterSpace, given: Sequence[Mapping[str, float]], starts: int) -> list[Array]:

@@ -73,7 +73,6 @@ class StartPointOptions:
     redrawn: tuple[int, ...] = (1, 2, 3)
     redrawn_torques: float = 0.3  #: Share of the perturbed starts in which all torques at the masses are sampled anew.
     exchanged_share: float = 0.3  #: Share of the perturbed starts in which the parts of the drive exchange their roles.
-    grown_lines: int = 12  #: Frequencies of a new shaft, where a mass is split.
     scan_simulations: int = 1024  #: Simulations of a resonance scan.
     scan_neighbours: int = 2  #: Half frequency lines to both sides among which a resonance has to be the best.
 
@@ -120,7 +119,6 @@ class MultistartOptions:
     #: Starts by a resonance scan, and those of them that are descended from.
     scan_starts: int = 16
     scan_kept: int = 2
-    grown_starts: int = 32  #: Starts by splitting the masses of a smaller chain.
     #: Batches without improvement from one resonance scan to the next; the first comes after one.
     scan_interval: int = 4
     agreeing: int = 2  #: Independent starts that have to reach the best optimum.

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from brightgrey.arrays import positive
 from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
@@ -25,20 +26,20 @@ from brightgrey.search.fitting.structure_fit import (
     StructureFit,
     best_parents,
     continue_from_supermodel,
-    error_floor_cost,
     fit_from_neighbours,
     fit_multistart,
     not_worse_than_submodels,
     refit_from_supermodel,
 )
-from brightgrey.search.lattice import complexity, contains, maximal_submodels, minimal_supermodels, with_shorter_chain
+from brightgrey.search.lattice import complexity, contains, mass_chain_of, maximal_submodels, minimal_supermodels
 from brightgrey.search.parallel import in_dependency_order, in_order
 from brightgrey.search.policy import REFIT
-from brightgrey.search.task import IdentificationTask
+from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 
 __all__ = ["FitTable"]
 
-_Item = tuple[bool, Structure]  # True marks an anchor, which is fitted by multistart
+_Item = tuple[bool, Structure]
+"""A structure; True marks an anchor, which is fitted by multistart."""
 
 
 class FitTable:
@@ -167,14 +168,13 @@ class FitTable:
             Structures that got clearly better.
         """
         how = replace(self._how, patience=patience, fresh=self._how.fresh // fields)
-        known, calls = [self.done[s] for s in structures], []
+        known = [self.done[s] for s in structures]
         enough = (1.0 + SAME_OPTIMUM_RTOL) * self.best().cost
+        calls = []
         for _ in range(fields):
             self._fields += 1
             seed = self._seed + self._fields
-            calls += [
-                (self.task, f.structure, how, seed, [f, *self._ahead(f), *self._shorter(f)], enough) for f in known
-            ]
+            calls += [(self.task, f.structure, how, seed, [f, *self._ahead(f)], enough) for f in known]
         found = in_order(workers, fit_multistart, calls)
         return {new.structure for new in found if self._much_better(self.done[new.structure], new)}
 
@@ -222,7 +222,17 @@ class FitTable:
     def cutoff_cost(self) -> float:
         """Cost above which a structure is far behind the best one."""
         best = self.best()
-        return REFIT.cutoff * (best.cost + error_floor_cost(self.task, best))
+        return REFIT.cutoff * (best.cost + self.error_floor_cost(best))
+
+    def error_floor_cost(self, fitted: StructureFit) -> float:
+        """Cost of the simulation's own error at the level of the search."""
+        return float(self.task.error_floor(self.task.problem(fitted.structure).weights, FAST_LEVEL_ACCURACY).sum())
+
+    def fit_percent(self, fitted: StructureFit) -> float:
+        """NRMSE fit in percent over all outputs, each weighted as in the cost."""
+        weights = self.task.problem(fitted.structure).weights
+        motion = sum(float(np.sum((weights * r.y.std(axis=1)) ** 2)) * r.samples for r in self.task.recordings)
+        return 100.0 * (1.0 - float(np.sqrt(fitted.cost / positive(motion))))
 
     def simulated_samples(self) -> int:
         """Number of samples that have been simulated."""
@@ -234,12 +244,6 @@ class FitTable:
         leaders = [f for s, f in self.done.items() if fitted.structure.has_hard_limit and s.has_hard_limit]
         best = [min(some, key=lambda f: f.cost, default=fitted) for some in (around, leaders)]
         return list({f.structure: f for f in best if f.cost < REFIT.clear_gain * fitted.cost}.values())
-
-    def _shorter(self, fitted: StructureFit) -> list[StructureFit]:
-        """Fit with one mass less, from which one with a hard limit grows."""
-        return [
-            self.done[t] for t in with_shorter_chain(fitted.structure, self.done) if fitted.structure.has_hard_limit
-        ]
 
     def _behind(self, s: Structure) -> StructureFit:
         """Fit of a structure, or of the one without its redundant effects, whose optimum it has."""
@@ -271,27 +275,23 @@ class FitTable:
         self, rising: Sequence[Structure], workers: Executor, progress: Callable[[StructureFit], None] | None
     ) -> None:
         """Fit structures for the first time, with the anchors that they need."""
-        near = {s: [h for h in self._first if h.masses == s.masses] for s in rising}
+        known = [*self.done, *rising]
+        near = {s: [h for h in self._first if mass_chain_of(h) == mass_chain_of(s)] for s in rising}
         hubs = [h for h in self._first if h not in self.anchors and any(h in n for n in near.values())]
-        hubs.sort(key=lambda h: h.masses)
-        shorter = {h: with_shorter_chain(h, (*self.anchors, *hubs)) for h in hubs}
-        within = {s: maximal_submodels(s, (*self.done, *rising)) for s in rising}
+        hubs.sort(key=lambda h: -h.masses)  # begun last, one of those that take longest would leave workers idle
+        within = {s: maximal_submodels(s, known) for s in rising}
         around = {s: minimal_supermodels(s, self.done) for s in rising}
 
         def needs(item: _Item) -> list[_Item]:
-            """Anchors with as many masses, and submodels; of an anchor, the one with a mass less."""
+            """Anchors with as many masses, and submodels."""
             hub, s = item
-            wanted = (
-                [(True, h) for h in shorter[s]]
-                if hub
-                else [(True, h) for h in near[s]] + [(False, t) for t in within[s]]
-            )
+            wanted = [] if hub else [(True, h) for h in near[s]] + [(False, t) for t in within[s]]
             return [w for w in wanted if w in position]
 
         def call(item: _Item) -> tuple[Any, ...]:
             hub, s = item
             if hub:
-                return fit_multistart, self.task, s, self._how, self._seed, [self.anchors[h] for h in shorter[s]]
+                return fit_multistart, self.task, s, self._how, self._seed
             parents = best_parents([self.done[t] for t in within[s]], self._how)
             others = [self.anchors[h] for h in near[s]] + best_parents([self.done[t] for t in around[s]], self._how)
             return fit_from_neighbours, self.task, s, parents, others, self._how, (self._seed, self._number(s))
@@ -323,8 +323,8 @@ class FitTable:
             better = [t for t in around if self.done[t].cost < own.cost and self._should_refit(s, self.done[t].cost)]
             offers = [self._behind(t) for t in self._fresh(s, better)]
             gain = REFIT.improved if any(f.structure.masses > s.masses > 1 for f in offers) else REFIT.clear_gain
-            least = min((f.cost for f in offers), default=np.inf)
-            anyway = least < min(gain * own.cost, near) and not s.has_hard_limit
+            telling = min((f.cost for f in offers), default=np.inf) < min(gain * own.cost, near)
+            anyway = telling and not s.has_hard_limit
             return (refit_from_supermodel, self.task, own, offers, self._how, anyway) if offers else None
 
         return self._falling(list(self.done), call, workers)

@@ -20,7 +20,6 @@ from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.criteria import bic
 from brightgrey.search.fitting.fit_table import FitTable
-from brightgrey.search.fitting.structure_fit import error_floor_cost
 from brightgrey.search.lattice import complexity, mass_chain_of, one_smaller
 from brightgrey.search.policy import BUDGET, REFIT
 
@@ -120,7 +119,7 @@ def _leaders(fits: FitTable, place: int, *, gaps: bool) -> list[Structure]:
 
     Structures with redundant effects and those far behind come last, if they lack one effect of the leader.
     """
-    near, doubt = fits.cutoff_cost(), error_floor_cost(fits.task, fits.best())
+    near, doubt = fits.cutoff_cost(), fits.error_floor_cost(fits.best())
     n = sum(r.y.size for r in fits.task.recordings)
     ranked = dict[Placed, list[Structure]]()
     behind = dict[Placed, list[Structure]]()
@@ -154,11 +153,11 @@ def _explained(fits: FitTable) -> bool:
     values = {name: np.array([value]) for name, value in best.values.items()}
     residual = problem.residuals(values, task.settings)[:, 0]
     fits.spent.append(problem.count(1))
-    if best.cost <= error_floor_cost(fits.task, best):  # the level of the search may be that far off, but seldom is
+    if best.cost <= fits.error_floor_cost(best):  # the level of the search may be that far off, but seldom is
         accurate = problem.residuals(values, replace(task.settings, level="accurate"))[:, 0]
         fits.spent.append(problem.count(1))
         off, trusted = residual - accurate, float(task.error_floor(problem.weights, TRUSTED_ACCURACY).sum())
-        if best.cost <= off @ off + trusted and accurate @ accurate <= error_floor_cost(fits.task, best):
+        if best.cost <= off @ off + trusted and accurate @ accurate <= fits.error_floor_cost(best):
             return True
     return is_white(residual, segment_lengths(problem.recordings))
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from brightgrey.arrays import Array, positive
+from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.least_squares import Optimum, fit_many, polish
-from brightgrey.estimation.optimisation.multistart import multistart
+from brightgrey.estimation.optimisation.multistart import growing_horizons, multistart
 from brightgrey.estimation.optimisation.options import MULTISTART_DEFAULTS
-from brightgrey.estimation.optimisation.stages import growing_horizons
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
@@ -27,10 +26,8 @@ __all__ = [
     "best_parents",
     "best_starts",
     "continue_from_supermodel",
-    "error_floor_cost",
     "fit_from_neighbours",
     "fit_multistart",
-    "fit_percent",
     "last_descent",
     "not_worse_than_submodels",
     "ranges_within_decade",
@@ -73,18 +70,6 @@ class StructureFit:
     #: The structure without these effects, whose fit this one is; None if there are none.
     equals: Structure | None = None
     agreeing: int = 0  #: Independent starts of a multistart that have ended there.
-
-
-def error_floor_cost(task: IdentificationTask, fitted: StructureFit) -> float:
-    """Cost of the simulation's own error at the level of the search."""
-    return float(task.error_floor(task.problem(fitted.structure).weights, FAST_LEVEL_ACCURACY).sum())
-
-
-def fit_percent(task: IdentificationTask, fitted: StructureFit) -> float:
-    """NRMSE fit in percent over all outputs, each weighted as in the cost."""
-    weights = task.problem(fitted.structure).weights
-    motion = sum(float(np.sum((weights * r.y.std(axis=1)) ** 2)) * r.samples for r in task.recordings)
-    return 100.0 * (1.0 - float(np.sqrt(fitted.cost / positive(motion))))
 
 
 def best_parents(parents: Sequence[StructureFit], options: Options) -> list[StructureFit]:
@@ -245,7 +230,7 @@ def fit_multistart(
     enough: float = np.inf,
     cost_to_beat: float = np.inf,
 ) -> StructureFit:
-    """Fit a structure of which nothing is known, or doubtful optima of its own and larger ones, or a smaller chain.
+    """Fit a structure of which nothing is known, or nothing but doubtful optima of its own or larger ones.
 
     Starts begin there, too. A white residual is enough only up to the cost that another structure leaves. Descents
     that would not get below `cost_to_beat` are given up: an optimum above it is of no use.
@@ -254,9 +239,6 @@ def fit_multistart(
     starts = options.narrow if ranges_within_decade(space) else options.fresh
     starts = options.fresh_hard_limit or starts if structure.has_hard_limit else starts
     given = _given(space, structure, known)
-    smaller = [f.values for f in known if f.structure.masses == structure.masses - 1]
-    if smaller and structure.masses > 2 and not structure.has_hard_limit:
-        starts //= 2  # a shorter chain that grows finds more, for less, once it has a resonance
     found = multistart(
         problem,
         space,
@@ -267,7 +249,6 @@ def fit_multistart(
         seed=seed,
         enough=enough,
         cost_to_beat=cost_to_beat,
-        smaller=smaller[0] if smaller else None,
     )
     end = min(found.optima, key=lambda e: e.cost)
     fitted = _fitted(structure, space, end, found.evaluations, found.simulations)

@@ -18,7 +18,7 @@ from brightgrey.numerics import distributions
 from brightgrey.search.fitting.anchors import anchors
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.refined_fit import whitening_by
-from brightgrey.search.fitting.structure_fit import Options, StructureFit, error_floor_cost, fit_percent
+from brightgrey.search.fitting.structure_fit import Options, StructureFit
 from brightgrey.search.further.proposals import (
     FurtherEffect,
     effects_by_multistart,
@@ -242,7 +242,7 @@ class OfferingSearch:
 
     def fits_poorly(self) -> bool:
         """True if the best fit is poor, and its residual neither white nor within the accuracy of the simulation."""
-        return fit_percent(self.task, self.fits.best()) < FURTHER.poor_fit and not self.is_explained()
+        return self.fits.fit_percent(self.fits.best()) < FURTHER.poor_fit and not self.is_explained()
 
     def fit(self, structures: Sequence[Structure]) -> None:
         """Fit structures from their neighbours' optima, and their neighbours anew where that helps."""
@@ -255,7 +255,7 @@ class OfferingSearch:
         """True if the residual of a fit, the best by default, is white or within the accuracy of the simulation."""
         best = fitted or self.fits.best()
         problem = self.fits.task.problem(best.structure)
-        if best.cost <= error_floor_cost(self.task, best):
+        if best.cost <= self.fits.error_floor_cost(best):
             return True
         values = {name: np.array([value]) for name, value in best.values.items()}
         return is_white(problem.residuals(values, self.fits.task.settings)[:, 0], problem.segment_lengths)
@@ -272,7 +272,7 @@ class OfferingSearch:
             self._model_error[known] = not self.is_explained() and bool(
                 follows_further_effect(self.task, best, self.more, self.seed)
                 or signs_of_model_error(
-                    self.task, best.structure, optimum_of(self.task, best), error_floor_cost(self.task, best)
+                    self.task, best.structure, optimum_of(self.task, best), self.fits.error_floor_cost(best)
                 )
                 or explains_more_in_place(self.task, best, self.more, self.seed, self.executor)
                 or (self.more and not self.offered and self.is_explained_better(best))

@@ -103,10 +103,9 @@ def further_effects(
 
 
 def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed]) -> tuple[FurtherEffect, ...]:
-    """Dry friction of `more` that a structure has at another mass, which gives a part of it, or all.
+    """Dry friction of `more` that a structure has at another mass, each in the place of that one.
 
     The one that is there has taken the part of the other, and no first step leads from one to the other: a mass sticks.
-    Their sum is known. Descents begin with half of it there and with all of it, since either one may be trapped.
 
     Parameters
     ----------
@@ -119,15 +118,11 @@ def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence
     least = dict(zip(space.names, space.low.tolist(), strict=True))
     for placed in _possible(fitted, more):
         for own in (p for p in fitted.structure.placed if p.name == placed.name and p.effect.is_dry_friction):
-            values = {q.symbol: fitted.values[own.parameter(q.symbol)] for q in own.effect.parameters}
-            sizes = [q.symbol for q in own.effect.parameters if q.size and own.parameter(q.symbol) in least]
-            if len(sizes) < sum(q.size for q in own.effect.parameters):
-                continue  # what is fixed cannot vanish
-            for part in FURTHER.moved_parts:
-                start = {placed.parameter(n): value * (part if n in sizes else 1.0) for n, value in values.items()}
-                left = {n: max((1.0 - part) * values[n], least[own.parameter(n)], 0.0) for n in sizes}
-                start |= {own.parameter(n): value for n, value in left.items()}
-                found.append(FurtherEffect(placed, added_with(placed, fitted.structure), start))
+            start = {placed.parameter(q.symbol): fitted.values[own.parameter(q.symbol)] for q in own.effect.parameters}
+            sizes = [own.parameter(q.symbol) for q in own.effect.parameters if q.size]
+            gone = {name: max(least[name], 0.0) for name in sizes if name in least}
+            if len(gone) == len(sizes):  # what is fixed cannot vanish
+                found.append(FurtherEffect(placed, added_with(placed, fitted.structure), {**start, **gone}))
     return tuple(found)
 
 
