@@ -97,6 +97,21 @@ def test_first_batch__given_starts_of_a_gap__copies_of_them_beside_samples(demo)
     assert counts[1] == counts[0] + 1 + 2  # the given start on the whole recording, and two copies
 
 
+def test_multistart__cost_that_no_start_gets_below__descents_are_given_up(demo):
+    problem = SimulationErrorProblem.of(PAPER.parse("two_mass+viscous"), [demo])
+    space = parameter_space(problem.structure, scales(demo), {}, {})
+    settings = Settings(1.0, space.scales.speed, "fast")
+
+    def found(cost):
+        return multistart(problem, space, settings, [], starts=4, patience=0, seed=1, cost_to_beat=cost)
+
+    whole = found(np.inf)
+    best = min(end.cost for end in whole.optima)
+    beaten, given_up = found(1.5 * best), found(0.1 * best)
+    assert min(end.cost for end in beaten.optima) == pytest.approx(best, rel=SAME_OPTIMUM_RTOL)
+    assert given_up.simulations.samples < whole.simulations.samples
+
+
 @pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.search.enumerate])
 def test_declared_ways__keep_the_total_inertia__all_different(name):
     effect = registry()[name]
