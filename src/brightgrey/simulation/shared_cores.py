@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 
 __all__ = ["on_idle_cores", "shared_cores"]
@@ -52,11 +52,9 @@ class _Cores:
 _CORES = _Cores()
 
 
-@contextmanager
-def shared_cores(count: int) -> Iterator[None]:
-    """Let all simulations of this process share `count` cores in this context; outside, each has one of its own."""
-    with _CORES.offered(count):
-        yield
+def shared_cores(count: int) -> AbstractContextManager[None]:
+    """Context in which all simulations of this process share `count` cores; outside, each has one of its own."""
+    return _CORES.offered(count)
 
 
 def on_idle_cores(part: Callable[[], None], most: int) -> None:
