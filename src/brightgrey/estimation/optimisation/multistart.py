@@ -1,13 +1,12 @@
 """Multistart search for the global optimum: batches of starts until the residual is white or nothing improves.
 
-The cost of an elastic drive has many local minima: a resonance at a slightly wrong frequency is worse than none. Seven
+The cost of an elastic drive has many local minima: a resonance at a slightly wrong frequency is worse than none. Six
 measures help against them:
 
 - Descents begin on the first part of the recording, where few periods have passed and the valleys are wide. With hard
   limits, which make the cost rugged, that part grows step by step.
 - Other batches begin with output feedback of decreasing gain
-  (:mod:`~brightgrey.estimation.problem.output_feedback`); with hard limits every third one.
-- With hard limits, every third batch is a population that is drawn anew wherever the recording has left it open.
+  (:mod:`~brightgrey.estimation.problem.output_feedback`); with hard limits every second one.
 - Later batches, and with given optima the first, hold perturbed copies of the best ones (iterated local search).
 - Some starts have a resonance at a peak of the residual of the best optimum.
 - Where batches bring nothing new, resonances are scanned line by line.
@@ -20,7 +19,7 @@ which the structure search uses, bounds do not count: there they are the rule.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -28,7 +27,6 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.noise.residual_analysis import is_white
-from brightgrey.estimation.optimisation.growing_parts import follow_growing_parts, growing_horizons, growing_parts
 from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL, Optimum, fit_many
 from brightgrey.estimation.optimisation.options import MULTISTART_DEFAULTS, MultistartOptions
 from brightgrey.estimation.optimisation.start_points import (
@@ -45,7 +43,14 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.simulation import Settings
 
-__all__ = ["DescentBatch", "MultistartResult", "agreeing_starts", "first_starts", "multistart"]
+__all__ = [
+    "DescentBatch",
+    "MultistartResult",
+    "agreeing_starts",
+    "first_starts",
+    "growing_horizons",
+    "multistart",
+]
 
 
 @dataclass(frozen=True)
@@ -177,10 +182,8 @@ class _Multistart:
         """Choose the starts of a batch, `first` among them, and descend from them."""
         missing = self.agreeing - agreeing_starts(self.batches)
         stages = _stages(self.problem, number, self.options, rng)
-        if self.problem.has_hard_limit and number % 3 == 1 and stages and self.space.names:
-            batch, stages = self.followed_starts(stages, first, rng), []
-        else:
-            batch = self.choose_starts(stages[0] if stages else self.problem, first, rng, number)
+        easiest = stages[0] if stages else self.problem
+        batch = self.choose_starts(easiest, first, rng, number)
         least = self.least_cost
         self.descend(stages, batch, missing)
         self.idle = 0 if self.batches[-1].least_cost < self.options.improvement * least else self.idle + 1
@@ -216,18 +219,6 @@ class _Multistart:
             rest = best_diverse(easiest, space, settings, perturbed, near - len(tuned), options.start_points)
         independent = [number == 0] * len(first) + [True] * len(fresh) + [False] * len(tuned + rest)
         return _StartBatch(first + fresh + tuned + rest, independent, count)
-
-    def followed_starts(
-        self, parts: Sequence[SimulationErrorProblem], first: list[Array], rng: np.random.Generator
-    ) -> _StartBatch:
-        """The `first` starts, and the best of a population that has followed the growing `parts`."""
-        space, settings, how = self.space, self.settings, self.options.population
-        samples = space.sample(8 * how.starts, rng)
-        starts = best_diverse(parts[0], space, settings, samples, how.starts, self.options.start_points)
-        count = parts[0].count(samples.shape[1])
-        followed, spent = follow_growing_parts(parts, space, settings, np.stack(starts, axis=1), rng, self.options)
-        independent = [False] * len(first) + [True] + [False] * (len(followed) - 1)  # they derive from one another
-        return _StartBatch(first + followed, independent, count + spent)
 
     def fresh_starts(
         self, easiest: SimulationErrorProblem, samples: Array, count: int
@@ -352,6 +343,17 @@ def first_starts(
     return search.choose_starts(problem, _first_starts(space, given, starts), rng).starts
 
 
+def growing_horizons(share: float, options: MultistartOptions = MULTISTART_DEFAULTS) -> Iterator[float]:
+    """Growing parts of the excitation, less than the whole, on which a drive is fitted in succession.
+
+    Contacts and unstable motions make the valley of the cost narrower the longer the recording is. From one part to
+    the next, the estimate has to improve more than the valley narrows.
+    """
+    while share < 1.0:
+        yield share
+        share *= options.share_growth
+
+
 def agreeing_starts(batches: Sequence[DescentBatch]) -> int:
     """Number of independent starts that have reached the best optimum of all batches."""
     least = min((batch.least_cost for batch in batches), default=0.0)
@@ -366,12 +368,14 @@ def _stages(
     share = options.shares[number % len(options.shares)]
     if problem.has_hard_limit:
         low, high = np.log(options.min_share), np.log(options.first_share)
-        share = None if number % 3 == 2 else float(np.exp(rng.uniform(low, high)))
+        share = None if number % 2 else float(np.exp(rng.uniform(low, high)))
     if share is None:
         stages = [problem.with_output_feedback(gain) for gain in options.feedback_shares]
         return [stage for stage in stages if stage is not None]
-    shares = growing_horizons(share, options) if _grows(problem) else iter([share] if share < 1.0 else [])
-    return growing_parts(problem, shares)
+    shares = growing_horizons(share, options) if _grows(problem) else [share] if share < 1.0 else []
+    parts = [problem.truncated(share) for share in shares]
+    longer = [k == 0 or part.samples > parts[k - 1].samples for k, part in enumerate(parts)]
+    return [part for part, more in zip(parts, longer, strict=True) if more and part.samples < problem.samples]
 
 
 def _grows(problem: SimulationErrorProblem) -> bool:

@@ -13,7 +13,6 @@ __all__ = [
     "LMOptions",
     "MultistartOptions",
     "PatternSearchOptions",
-    "PopulationOptions",
     "RacingOptions",
     "StartPointOptions",
     "TorqueRegressionOptions",
@@ -94,19 +93,6 @@ class TorqueRegressionOptions:
 
 
 @dataclass(frozen=True)
-class PopulationOptions:
-    """A population of fits on growing parts of the recordings."""
-
-    starts: int = 96  #: On the first part.
-    size: int = 12  #: Fits that go on to the next part.
-    draws: int = 200  #: Draws around them on each part.
-    spread: float = 2.0  #: Standard deviations of a draw, in those of the parameters' uncertainty.
-    largest_shift: float = 2.0  #: Largest standard deviation of a draw in the scaled space.
-    same_place: float = 1e-3  #: Fits are the same if the step between them raises the cost by less than this part.
-    ends: int = 4  #: Fits that go on to the whole recordings.
-
-
-@dataclass(frozen=True)
 class MultistartOptions:
     """Search for the global optimum by batches of starts."""
 
@@ -142,7 +128,6 @@ class MultistartOptions:
     hard_limit_patience: float = 1.5  #: Factor of the patience with hard limits.
     improvement: float = 0.995  #: Part of the least cost below which a cost counts as an improvement.
     start_points: StartPointOptions = StartPointOptions()
-    population: PopulationOptions = PopulationOptions()
     balanced_share: float = 0.25  #: Further starts, per fresh one, whose sizes balance the torques of a rigid drive.
 
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.estimation.optimisation.growing_parts import growing_horizons
 from brightgrey.estimation.optimisation.least_squares import Optimum, fit_many, polish
-from brightgrey.estimation.optimisation.multistart import multistart
+from brightgrey.estimation.optimisation.multistart import growing_horizons, multistart
 from brightgrey.estimation.optimisation.options import MULTISTART_DEFAULTS
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_count import SimulationCount
