@@ -65,7 +65,7 @@ class BorderSearch(OfferingSearch):
         if not (everything or self.offered):  # where no further effect takes their part, gaps and masses are gone into
             self.thorough = True
             self.restarts = {s: n for s, n in self.restarts.items() if not s.has_hard_limit}
-            self.find_best()
+            self.find_best_patiently()
         return self.settled()
 
     def settled(self) -> Border:
@@ -142,7 +142,7 @@ class BorderSearch(OfferingSearch):
         """Fit a structure by multistart, and its neighbours anew where that helps."""
         self.restarts[structure] = self.restarts.get(structure, 0) + 1
         if patiently or (self.thorough and structure.has_hard_limit):
-            better = self.fits.restart_many([structure], self.policy.patience_hard_limit, self.executor)
+            better = self.fits.restart_many([structure], self.policy.patience, self.executor)
         else:
             better = self.fits.restart_many([structure], 0, self.executor, fields=self.policy.fields)
         self.fits.propagate(better, self.executor)
@@ -151,23 +151,32 @@ class BorderSearch(OfferingSearch):
     def find_best(self) -> None:
         """Restart what leads until the best residual is white, starts agree, or their share is used up."""
         while not self.is_explained():
-            wanted = [s for s in self.leading() if self.lacks_agreement(s)]
+            wanted = [s for s in self.leaders() if self.lacks_agreement(s)]
             if not wanted:
                 break
             self.restart_at(wanted[0])
 
-    def leading(self) -> list[Structure]:
-        """Structures in the order in which they are restarted: those that lead.
+    def find_best_patiently(self) -> None:
+        """Restart what leads, and what is beside it, by a patient multistart each, until the best residual is white."""
+        tried = set[Structure]()
+        while not self.is_explained():
+            wanted = [s for s in self.beside_leaders() if s not in tried]
+            if not wanted:
+                break
+            tried.add(wanted[0])
+            self.restart_at(wanted[0], patiently=True)
 
-        In a thorough search the largest structures with fewer masses come before a leader with a hard limit: a further
-        mass must not win by effort. After it comes the one with one mass more: its optimum is seldom found from below.
+    def beside_leaders(self) -> list[Structure]:
+        """Structures that lead, each after the largest with fewer masses, and before the largest with one mass more.
+
+        A further mass must not win by effort. But one that is missing is seldom found from the structures without it.
         """
-        *others, last = self.leaders()
-        if not (self.thorough and last.has_hard_limit):
-            return [*others, last]
-        tops = {t.masses: t for t in self.tops}
-        fewer = [tops[n] for n in sorted(tops) if n < last.masses]
-        return [*others, *fewer, last, *([tops[last.masses + 1]] if last.masses + 1 in tops else [])]
+        found = []
+        for leader in self.leaders():
+            largest = {s.masses: s for s in (self.tops if leader.has_hard_limit else self.anchors)}
+            around = {n: s for n, s in largest.items() if n <= leader.masses + 1} | {leader.masses: leader}
+            found += [around[n] for n in sorted(around)]
+        return found
 
     def lacks_agreement(self, structure: Structure, share: int | None = None) -> bool:
         """True if more independent starts are wanted at the optimum of a structure, and its share allows them."""

@@ -106,8 +106,7 @@ class BorderPolicy:
     #: Multiple of its threshold up to which an excess has to be confirmed by an independent start. In bench/recovery.py
     #: 10 of 44 effects were not there whose excess was less and not confirmed, and 1 of 191 with more.
     sure: float = 16.0
-    #: Batches without improvement after which a multistart with a hard limit ends.
-    patience_hard_limit: int = 2
+    patience: int = 2  #: Batches without improvement after which a patient multistart ends.
     far: float = 4.0  #: Multiple of the largest threshold above which an excess is far above it.
     side_by_side: int = 2  #: Largest undecided structures that are fitted in parallel.
     fields: int = 2  #: Parts of a multistart that are made in parallel.

@@ -33,21 +33,42 @@ def test_mass_masks__fewest_first():
 
 
 @pytest.mark.parametrize(
-    ("leaders", "masses"),
+    ("leaders", "beside"),
     [
-        (("three_mass+coulomb",), [3]),
-        (("two_mass+coulomb", "three_mass+coulomb+backlash"), [2, 2, 3, 4]),
-        (("two_mass+coulomb", "four_mass+coulomb+backlash"), [2, 2, 3, 4]),
+        (("three_mass+coulomb",), ["1", "2", "leader", "4"]),
+        (("four_mass+coulomb",), ["1", "2", "3", "leader"]),
+        (
+            ("two_mass+coulomb", "three_mass+coulomb+backlash"),
+            ["1", "leader", "3", "2 with a gap", "leader with a gap", "4 with a gap"],
+        ),
     ],
 )
-def test_leading__gap_leads__fewer_masses_before_and_one_more_after(leaders, masses, monkeypatch):
+def test_beside_leaders__fewer_masses_before_and_one_more_after(leaders, beside, monkeypatch):
     task = simulated_task("one_mass", {"J1": 0.02}, np.sin(np.arange(200) / 20.0), 0.1, dt=0.002, f_tanh=5.0)
     with ThreadPoolExecutor(1) as pool:
         search = BorderSearch(task, LATTICE, pool)
-        search.thorough = True
         search.tops = {PAPER.parse(f"{n}_mass+coulomb+viscous+backlash") for n in ("two", "three", "four")}
-        monkeypatch.setattr(search, "leaders", lambda: [PAPER.parse(text) for text in leaders])
-        assert [s.masses for s in search.leading()] == masses
+        leading = [PAPER.parse(text) for text in leaders]
+        monkeypatch.setattr(search, "leaders", lambda: leading)
+        found = search.beside_leaders()
+    names = ["leader" if s in leading else str(s.masses) for s in found]
+    assert [n + " with a gap" * s.has_hard_limit for n, s in zip(names, found, strict=True)] == beside
+
+
+def test_find_best_patiently__each_once_until_explained(monkeypatch):
+    task = simulated_task("one_mass", {"J1": 0.02}, np.sin(np.arange(200) / 20.0), 0.1, dt=0.002, f_tanh=5.0)
+    with ThreadPoolExecutor(1) as pool:
+        search, found = BorderSearch(task, LATTICE, pool), []
+        ladder = [PAPER.parse(f"{n}_mass") for n in ("one", "two", "three", "four")]
+        monkeypatch.setattr(search, "beside_leaders", lambda: ladder)
+        monkeypatch.setattr(search, "restart_at", lambda s, patiently: found.append((s.masses, patiently)))
+        monkeypatch.setattr(search, "is_explained", lambda: len(found) == 3)
+        search.find_best_patiently()
+        assert found == [(1, True), (2, True), (3, True)]
+        monkeypatch.setattr(search, "is_explained", lambda: False)
+        found.clear()
+        search.find_best_patiently()
+        assert [masses for masses, _ in found] == [1, 2, 3, 4]
 
 
 @pytest.mark.parametrize(
