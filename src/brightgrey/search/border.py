@@ -7,13 +7,15 @@ are pure: they take what has been fitted as a dict and know nothing of simulatio
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
+from functools import reduce
+from operator import and_
 
 from brightgrey.search.adequacy import Deviance, Round
 from brightgrey.search.lattice import Lattice
 
-__all__ = ["Border", "Refutation", "assess", "inclusion_minimal", "largest_avoiding"]
+__all__ = ["Border", "Refutation", "assess", "inclusion_minimal", "joint", "largest_avoiding", "shrunk"]
 
 
 @dataclass(frozen=True)
@@ -93,3 +95,33 @@ def largest_avoiding(masks: Iterable[int], lattice: Lattice) -> list[int]:
                 parts.update(m for m in smaller if not lattice.required & ~m)
         found = [m for m in parts if not any(n != m and not m & ~n for n in parts)]
     return sorted(found)
+
+
+def joint(border: Border, lattice: Lattice, done: Set[int]) -> list[int]:
+    """An adequate structure without all the atoms that can be removed one by one, unless it is `done`; or none."""
+    for mask in sorted(border.adequate, key=lambda m: (m.bit_count(), border.excess[m], m)):
+        gone = [m for m in _children(mask, lattice) if m in border.adequate]
+        if len(gone) < 2 or not any(m in border.minimal for m in gone):
+            continue
+        together = lattice.within(reduce(and_, gone))
+        if together not in done and not any(not m & ~together for m in border.minimal):
+            return [together]
+    return []
+
+
+def shrunk(border: Border, lattice: Lattice, done: Set[int]) -> list[int]:
+    """Structures that the simplest minimal one is compared with: those that lack one of its atoms and are not `done`.
+
+    They are asked for even within one that leaves far too much: that optimum may have been missed.
+    """
+    for mask in sorted(border.minimal, key=lambda m: (m.bit_count(), border.excess[m], m)):
+        missing = [m for m in _children(mask, lattice) if m not in done]
+        if missing:
+            return missing
+    return []
+
+
+def _children(mask: int, lattice: Lattice) -> list[int]:
+    """Masks of the largest structures within `mask` that lack one of its atoms."""
+    removed = (lattice.without(mask, bit) for bit in lattice.bits(mask & ~lattice.required))
+    return [m for m in dict.fromkeys(removed) if not lattice.required & ~m]

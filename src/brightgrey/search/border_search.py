@@ -7,18 +7,16 @@ So the effort goes there in the end: multistart until independent starts agree.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import reduce
-from operator import and_
 
 import numpy as np
 
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Structure
 from brightgrey.search.adequacy import Deviance, Round, material_growth
-from brightgrey.search.border import Border, Refutation, assess
-from brightgrey.search.fitting.anchors import beside_masses, mass_masks
+from brightgrey.search.border import Border, Refutation, assess, joint, shrunk
+from brightgrey.search.fitting.anchors import beside_masses, hard_limits, linear_beside_masses, mass_masks
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
@@ -39,6 +37,7 @@ class BorderSearch(OfferingSearch):
         super().__post_init__()
         self.refined = RefinedFits(self.task, self.fits, self.executor)
         self.tops: set[Structure] = set()
+        self.lean: set[Structure] = set()  # minimal ones that were restarted
         self.flipped: set[int] = set()
         self.thorough = False
         self.most_fits = self.policy.max_fits
@@ -71,6 +70,8 @@ class BorderSearch(OfferingSearch):
     def settled(self) -> Border:
         """Border of the lattice when nothing is left to offer."""
         border = self.in_rounds()
+        while self.improves_simplest(border):
+            border = self.in_rounds()
         while True:
             masses = min(self.lattice.structure(m).masses for m in border.minimal)
             if not (self.offer_further(masses) or self.offer_mass_left_out() or self.offer_mass(masses)):
@@ -97,8 +98,7 @@ class BorderSearch(OfferingSearch):
             statuses = {m: m in border.adequate for m in self.deviances()}
             if last is not None:
                 self.flipped = {m for m, adequate in last.items() if statuses.get(m, adequate) != adequate}
-            table = self.deviances()
-            simplest = self.lattice.structure(min(border.minimal, key=lambda m: (table[m].free, border.excess[m])))
+            simplest = self.simplest(border)
             if simplest == reference:  # the next round would be this one again
                 self.flipped = set()
                 break
@@ -106,6 +106,11 @@ class BorderSearch(OfferingSearch):
                 break
             reference, last = simplest, statuses
         return border
+
+    def simplest(self, border: Border) -> Structure:
+        """The minimal structure with fewest parameters."""
+        table = self.deviances()
+        return self.lattice.structure(min(border.minimal, key=lambda m: (table[m].free, border.excess[m])))
 
     def fit_everything(self) -> None:
         """Fit all structures, and look for missed optima among them."""
@@ -131,15 +136,15 @@ class BorderSearch(OfferingSearch):
             if top.has_hard_limit and top not in self.fits.done:
                 first = not any(s.has_hard_limit for s in self.fits.done)
                 self.tops.add(top)
-                mask = self.lattice.within(self.linear_beside_masses | self.hard_limits | masses)
+                mask = self.lattice.within(linear_beside_masses(self.lattice) | hard_limits(self.lattice) | masses)
                 linear = self.lattice.structure(mask)
                 for structure in dict.fromkeys((linear, top)) if first and not self.is_explained() else (top,):
                     self.fit([structure])
                     if first and not self.is_explained():
                         self.restart_at(structure, patiently=structure == linear)
 
-    def restart_at(self, structure: Structure, *, patiently: bool = False) -> None:
-        """Fit a structure by multistart, and its neighbours anew where that helps."""
+    def restart_at(self, structure: Structure, *, patiently: bool = False) -> bool:
+        """Fit a structure by multistart, and its neighbours anew where that helps; returns True if it got better."""
         self.restarts[structure] = self.restarts.get(structure, 0) + 1
         if patiently or (self.thorough and structure.has_hard_limit):
             better = self.fits.restart_many([structure], self.policy.patience, self.executor)
@@ -147,6 +152,7 @@ class BorderSearch(OfferingSearch):
             better = self.fits.restart_many([structure], 0, self.executor, fields=self.policy.fields)
         self.fits.propagate(better, self.executor)
         self.progress("restarts", len(self.fits.done), structure)
+        return bool(better)
 
     def find_best(self) -> None:
         """Restart what leads until the best residual is white, starts agree, or their share is used up."""
@@ -167,16 +173,34 @@ class BorderSearch(OfferingSearch):
             self.restart_at(wanted[0], patiently=True)
 
     def beside_leaders(self) -> list[Structure]:
-        """Structures that lead, each after the largest with fewer masses, and before the largest with one mass more.
+        """Structures that lead, each before the largest with one mass more, which is seldom found from below.
 
-        A further mass must not win by effort. But one that is missing is seldom found from the structures without it.
+        With a hard limit the largest with fewer masses come first: a further mass must not win by effort.
         """
         found = []
         for leader in self.leaders():
-            largest = {s.masses: s for s in (self.tops if leader.has_hard_limit else self.anchors)}
-            around = {n: s for n, s in largest.items() if n <= leader.masses + 1} | {leader.masses: leader}
-            found += [around[n] for n in sorted(around)]
+            hard = leader.has_hard_limit
+            largest = {s.masses: s for s in (self.tops if hard else self.anchors)} | {leader.masses: leader}
+            masses = range(1 if hard else leader.masses, leader.masses + 2)
+            found += [largest[n] for n in masses if n in largest]
         return found
+
+    def improves_simplest(self, border: Border) -> bool:
+        """Restart the simplest minimal structure, and it with one mass more, where the best residual is not white.
+
+        With few effects a multistart reaches optima that the largest structures miss. Returns True if a fit got better.
+        """
+        if not self.thorough:
+            return False
+        own, better = self.simplest(border), False
+        more = next((m for m in mass_masks(self.lattice) if self.lattice.structure(m).masses > own.masses), 0)
+        larger = self.lattice.structure(self.lattice.within(self.lattice.mask(own) | more))
+        for structure in dict.fromkeys((own, larger)):
+            if structure not in self.lean and not self.is_explained():
+                self.lean.add(structure)
+                self.fit([structure])
+                better |= self.restart_at(structure, patiently=True)
+        return better
 
     def lacks_agreement(self, structure: Structure, share: int | None = None) -> bool:
         """True if more independent starts are wanted at the optimum of a structure, and its share allows them."""
@@ -186,7 +210,10 @@ class BorderSearch(OfferingSearch):
         return self.restarts.get(structure, 0) < most and not agreed
 
     def leaders(self) -> list[Structure]:
-        """Structures that lead by BIC: without a hard limit, and with one if that takes off a good part of the cost."""
+        """Structures that lead by BIC: without a hard limit, and with one if that takes off a good part of the cost.
+
+        Without one it has to be worth a restart: it must not be far behind.
+        """
         n = sum(r.y.size for r in self.fits.task.recordings)
         best: dict[bool, StructureFit] = {}
         for f in sorted(
@@ -196,8 +223,11 @@ class BorderSearch(OfferingSearch):
             best.setdefault(f.structure.has_hard_limit, f)
         if False not in best or True not in best:  # every structure may be required to have a gap
             return [f.structure for f in best.values()]
-        tells = best[True].cost < REFIT.clear_gain * best[False].cost
-        return [best[False].structure, *([best[True].structure] if tells else [])]
+        without, limited = best[False], best[True]
+        if limited.cost >= REFIT.clear_gain * without.cost:
+            return [without.structure]
+        far = without.cost > self.fits.cutoff_cost()
+        return [limited.structure] if far else [without.structure, limited.structure]
 
     def deviances(self) -> dict[int, Deviance]:
         """Table of the fits in this round."""
@@ -245,29 +275,8 @@ class BorderSearch(OfferingSearch):
     def simpler(self, border: Border) -> list[Structure]:
         """Structures that lack atoms of adequate ones: until they are fitted, none of these is minimal for sure."""
         done = {self.lattice.mask(s) for s in self.fits.done}
-        return [self.lattice.structure(m) for m in self.joint(border, done) or self.shrunk(border, done)]
-
-    def joint(self, border: Border, done: Set[int]) -> list[int]:
-        """An adequate structure without all the atoms that can be removed one by one."""
-        for mask in sorted(border.adequate, key=lambda m: (m.bit_count(), border.excess[m], m)):
-            gone = [m for m in self.children(mask) if m in border.adequate]
-            if len(gone) < 2 or not any(m in border.minimal for m in gone):
-                continue
-            together = self.lattice.within(reduce(and_, gone))
-            if together not in done and not any(not m & ~together for m in border.minimal):
-                return [together]
-        return []
-
-    def shrunk(self, border: Border, done: Set[int]) -> list[int]:
-        """Structures that the simplest minimal one is compared with: those that lack one of its atoms.
-
-        They are fitted even within one that leaves far too much: that optimum may have been missed.
-        """
-        for mask in sorted(border.minimal, key=lambda m: (m.bit_count(), border.excess[m], m)):
-            missing = [m for m in self.children(mask) if m not in done]
-            if missing:
-                return missing
-        return []
+        found = joint(border, self.lattice, done) or shrunk(border, self.lattice, done)
+        return [self.lattice.structure(m) for m in found]
 
     def largest(self, border: Border) -> list[int]:
         """Largest structures that contain no adequate one, and that have not been fitted."""
@@ -287,11 +296,6 @@ class BorderSearch(OfferingSearch):
         """True for the structures that are fitted first."""
         return structure in self.anchors or structure in self.tops
 
-    def children(self, mask: int) -> list[int]:
-        """Masks of the largest structures within `mask` that lack one of its atoms."""
-        removed = (self.lattice.without(mask, bit) for bit in self.lattice.bits(mask & ~self.lattice.required))
-        return [m for m in dict.fromkeys(removed) if not self.lattice.required & ~m]
-
     def restart(self, border: Border) -> bool:
         """Restart where refutations rest, the nearest first; returns False if nothing is left to do."""
         once = self.has_model_error()  # no optimum is the truth then, and one multistart has to do
@@ -307,8 +311,8 @@ class BorderSearch(OfferingSearch):
         for found in nearest:
             if found.excess <= far:
                 # further masses or a gap may have an optimum that the anchor has no place for
-                beside = self.beside_refuted(found, border) | found.mask & self.hard_limits
-                for mask in (found.mask & ~self.hard_limits, *([beside] if self.thorough else [])):
+                beside = self.beside_refuted(found, border) | found.mask & hard_limits(self.lattice)
+                for mask in (found.mask & ~hard_limits(self.lattice), *([beside] if self.thorough else [])):
                     structure = self.lattice.structure(self.lattice.within(mask))
                     if self.lacks_agreement(structure, 1):
                         self.fit([structure])
@@ -338,19 +342,6 @@ class BorderSearch(OfferingSearch):
         if found.excess >= self.policy.sure * found.threshold or self.has_model_error():
             return False
         return not self.fits.agreeing.get(self.lattice.structure(self.beside_refuted(found, border)), 0)
-
-    @property
-    def linear_beside_masses(self) -> int:
-        """Mask of the required atoms, and of those beside masses that are linear."""
-        atoms = [(1 << i, p.effect.law) for i, p in enumerate(self.lattice.atoms) if not p.effect.masses]
-        linear = sum(bit for bit, law in atoms if law is None or law.affine)
-        return linear & self.lattice.everything | self.lattice.required
-
-    @property
-    def hard_limits(self) -> int:
-        """Mask of the atoms with a hard limit that are not required."""
-        atoms = enumerate(self.lattice.atoms)
-        return sum(1 << i for i, p in atoms if p.effect.has_hard_limit) & ~self.lattice.required
 
 
 @dataclass

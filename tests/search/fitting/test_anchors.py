@@ -8,6 +8,7 @@ import pytest
 from brightgrey.kit import PAPER
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.fitting.anchors import anchors, mass_masks
+from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.lattice import Lattice
 from support.searches import simulated_task
 
@@ -32,43 +33,72 @@ def test_mass_masks__fewest_first():
     assert [m.bit_count() for m in mass_masks(LATTICE)] == [0, 1, 2, 3]
 
 
+@pytest.fixture
+def search():
+    task = simulated_task("one_mass", {"J1": 0.02}, np.sin(np.arange(200) / 20.0), 0.1, dt=0.002, f_tanh=5.0)
+    with ThreadPoolExecutor(1) as pool:
+        yield BorderSearch(task, LATTICE, pool)
+
+
 @pytest.mark.parametrize(
     ("leaders", "beside"),
     [
-        (("three_mass+coulomb",), ["1", "2", "leader", "4"]),
-        (("four_mass+coulomb",), ["1", "2", "3", "leader"]),
-        (
-            ("two_mass+coulomb", "three_mass+coulomb+backlash"),
-            ["1", "leader", "3", "2 with a gap", "leader with a gap", "4 with a gap"],
-        ),
+        (("three_mass+coulomb",), ["leader", "4"]),
+        (("four_mass+coulomb",), ["leader"]),
+        (("two_mass+coulomb", "three_mass+coulomb+backlash"), ["leader", "3", "2 gap", "leader gap", "4 gap"]),
+        (("two_mass+coulomb", "four_mass+coulomb+backlash"), ["leader", "3", "2 gap", "3 gap", "leader gap"]),
     ],
 )
-def test_beside_leaders__fewer_masses_before_and_one_more_after(leaders, beside, monkeypatch):
-    task = simulated_task("one_mass", {"J1": 0.02}, np.sin(np.arange(200) / 20.0), 0.1, dt=0.002, f_tanh=5.0)
-    with ThreadPoolExecutor(1) as pool:
-        search = BorderSearch(task, LATTICE, pool)
-        search.tops = {PAPER.parse(f"{n}_mass+coulomb+viscous+backlash") for n in ("two", "three", "four")}
-        leading = [PAPER.parse(text) for text in leaders]
-        monkeypatch.setattr(search, "leaders", lambda: leading)
-        found = search.beside_leaders()
+def test_beside_leaders__one_mass_more_after_and_with_a_gap_fewer_before(leaders, beside, search, monkeypatch):
+    search.tops = {PAPER.parse(f"{n}_mass+coulomb+viscous+backlash") for n in ("two", "three", "four")}
+    leading = [PAPER.parse(text) for text in leaders]
+    monkeypatch.setattr(search, "leaders", lambda: leading)
+    found = search.beside_leaders()
     names = ["leader" if s in leading else str(s.masses) for s in found]
-    assert [n + " with a gap" * s.has_hard_limit for n, s in zip(names, found, strict=True)] == beside
+    assert [n + " gap" * s.has_hard_limit for n, s in zip(names, found, strict=True)] == beside
 
 
-def test_find_best_patiently__each_once_until_explained(monkeypatch):
-    task = simulated_task("one_mass", {"J1": 0.02}, np.sin(np.arange(200) / 20.0), 0.1, dt=0.002, f_tanh=5.0)
-    with ThreadPoolExecutor(1) as pool:
-        search, found = BorderSearch(task, LATTICE, pool), []
-        ladder = [PAPER.parse(f"{n}_mass") for n in ("one", "two", "three", "four")]
-        monkeypatch.setattr(search, "beside_leaders", lambda: ladder)
-        monkeypatch.setattr(search, "restart_at", lambda s, patiently: found.append((s.masses, patiently)))
-        monkeypatch.setattr(search, "is_explained", lambda: len(found) == 3)
-        search.find_best_patiently()
-        assert found == [(1, True), (2, True), (3, True)]
-        monkeypatch.setattr(search, "is_explained", lambda: False)
-        found.clear()
-        search.find_best_patiently()
-        assert [masses for masses, _ in found] == [1, 2, 3, 4]
+@pytest.mark.parametrize(
+    ("without", "with_gap", "leading"),
+    [
+        (100.0, 95.0, [False]),  # the gap takes off too little
+        (100.0, 50.0, [False, True]),
+        (1000.0, 50.0, [True]),  # without it the best is far behind
+    ],
+)
+def test_leaders__gap_that_tells_and_best_without_it_unless_far_behind(without, with_gap, leading, search):
+    costs = {"two_mass": without, "two_mass+backlash": with_gap}
+    fits = [StructureFit(PAPER.parse(text), {"J1": 0.01}, cost, 3) for text, cost in costs.items()]
+    search.fits.done.update({f.structure: f for f in fits})
+    search.fits.error_floor_cost = lambda fitted: 0.0
+    assert [s.has_hard_limit for s in search.leaders()] == leading
+
+
+def test_find_best_patiently__each_once_until_explained(search, monkeypatch):
+    found = []
+    monkeypatch.setattr(search, "beside_leaders", lambda: [PAPER.parse(f"{n}_mass") for n in ("one", "two", "three")])
+    monkeypatch.setattr(search, "restart_at", lambda s, patiently: found.append((s.masses, patiently)))
+    monkeypatch.setattr(search, "is_explained", lambda: len(found) == 2)
+    search.find_best_patiently()
+    assert found == [(1, True), (2, True)]
+    monkeypatch.setattr(search, "is_explained", lambda: False)
+    found.clear()
+    search.find_best_patiently()
+    assert [masses for masses, _ in found] == [1, 2, 3]
+
+
+@pytest.mark.parametrize(("explained", "better"), [(False, True), (False, False), (True, False)])
+def test_improves_simplest__unexplained__it_and_one_mass_more_once(explained, better, search, monkeypatch):
+    found, own = [], PAPER.parse("two_mass+coulomb+backlash")
+    monkeypatch.setattr(search, "simplest", lambda border: own)
+    monkeypatch.setattr(search, "is_explained", lambda: explained)
+    monkeypatch.setattr(search, "fit", lambda structures: None)
+    monkeypatch.setattr(search, "restart_at", lambda s, patiently: found.append(str(s)) or better)
+    assert not search.improves_simplest(None)  # not in a search that is not thorough
+    search.thorough = True
+    assert search.improves_simplest(None) == better
+    assert found == ([] if explained else [str(own), "three_mass+coulomb+backlash"])
+    assert not search.improves_simplest(None)
 
 
 @pytest.mark.parametrize(

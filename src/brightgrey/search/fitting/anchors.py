@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.lattice import Lattice, mass_chain_of
 
-__all__ = ["anchors", "beside_masses", "default_anchors", "mass_masks"]
+__all__ = ["anchors", "beside_masses", "default_anchors", "hard_limits", "linear_beside_masses", "mass_masks"]
 
 
 def anchors(lattice: Lattice) -> list[Structure]:
@@ -38,6 +38,18 @@ def mass_masks(lattice: Lattice) -> list[int]:
 def beside_masses(lattice: Lattice) -> int:
     """Mask of all atoms that are not masses."""
     return sum(1 << i for i, p in enumerate(lattice.atoms) if not p.effect.masses) & lattice.everything
+
+
+def linear_beside_masses(lattice: Lattice) -> int:
+    """Mask of the required atoms, and of those beside masses that are linear."""
+    atoms = [(1 << i, p.effect.law) for i, p in enumerate(lattice.atoms) if not p.effect.masses]
+    linear = sum(bit for bit, law in atoms if law is None or law.affine)
+    return linear & lattice.everything | lattice.required
+
+
+def hard_limits(lattice: Lattice) -> int:
+    """Mask of the atoms with a hard limit that are not required."""
+    return sum(1 << i for i, p in enumerate(lattice.atoms) if p.effect.has_hard_limit) & ~lattice.required
 
 
 def default_anchors(structures: Sequence[Structure]) -> list[Structure]:
