@@ -186,7 +186,7 @@ class BorderSearch(OfferingSearch):
         return found
 
     def improves_simplest(self, border: Border) -> bool:
-        """Restart the simplest minimal structure, and it with one mass more, where the best residual is not white.
+        """Restart the simplest minimal structure, and it with one mass more, where the best fit has model error.
 
         With few effects a multistart reaches optima that the largest structures miss. Returns True if a fit got better.
         """
@@ -196,7 +196,7 @@ class BorderSearch(OfferingSearch):
         more = next((m for m in mass_masks(self.lattice) if self.lattice.structure(m).masses > own.masses), 0)
         larger = self.lattice.structure(self.lattice.within(self.lattice.mask(own) | more))
         for structure in dict.fromkeys((own, larger)):
-            if structure not in self.lean and not self.is_explained():
+            if structure not in self.lean and self.has_model_error():
                 self.lean.add(structure)
                 self.fit([structure])
                 better |= self.restart_at(structure, patiently=True)

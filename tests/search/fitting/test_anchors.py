@@ -87,17 +87,17 @@ def test_find_best_patiently__each_once_until_explained(search, monkeypatch):
     assert [masses for masses, _ in found] == [1, 2, 3]
 
 
-@pytest.mark.parametrize(("explained", "better"), [(False, True), (False, False), (True, False)])
-def test_improves_simplest__unexplained__it_and_one_mass_more_once(explained, better, search, monkeypatch):
+@pytest.mark.parametrize(("model_error", "better"), [(True, True), (True, False), (False, False)])
+def test_improves_simplest__model_error__it_and_one_mass_more_once(model_error, better, search, monkeypatch):
     found, own = [], PAPER.parse("two_mass+coulomb+backlash")
     monkeypatch.setattr(search, "simplest", lambda border: own)
-    monkeypatch.setattr(search, "is_explained", lambda: explained)
+    monkeypatch.setattr(search, "has_model_error", lambda: model_error)
     monkeypatch.setattr(search, "fit", lambda structures: None)
     monkeypatch.setattr(search, "restart_at", lambda s, patiently: found.append(str(s)) or better)
     assert not search.improves_simplest(None)  # not in a search that is not thorough
     search.thorough = True
     assert search.improves_simplest(None) == better
-    assert found == ([] if explained else [str(own), "three_mass+coulomb+backlash"])
+    assert found == ([str(own), "three_mass+coulomb+backlash"] if model_error else [])
     assert not search.improves_simplest(None)
 
 
