@@ -3,6 +3,7 @@
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import pytest
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER, Placed
@@ -10,7 +11,7 @@ from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import _unexplained_signs
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.lattice import Lattice
-from brightgrey.search.model_error import optimum_of, signs_of_model_error
+from brightgrey.search.model_error import calls_for_mass, optimum_of, signs_of_model_error
 from support.searches import simulated_task
 
 
@@ -41,3 +42,19 @@ def test_unexplained_signs__best_structure_shows_none__those_of_the_simplest_are
         search.run()
         assert _unexplained_signs(search, best, best) == ()
         assert any("friction" in sign for sign in _unexplained_signs(search, best, simplest))
+
+
+@pytest.mark.parametrize(
+    ("truth", "values", "lacking", "called"),
+    [
+        ("two_mass+viscous", {"J1": 0.012, "J2": 0.008, "c1": 40.0, "d1": 0.02, "f_v": 0.02}, "one_mass+viscous", True),
+        ("one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 1.0, "f_v": 0.02}, "one_mass+viscous", False),
+    ],
+)
+def test_calls_for_mass__resonance_in_the_residual_and_not_friction(truth, values, lacking, called):
+    task = simulated_task(truth, values, E.torque()[:900], 0.05, dt=E.dt, f_tanh=E.f_tanh, seed=2)
+    structure = PAPER.parse(lacking)
+    fits = FitTable(task, (), anchors=[structure])
+    with ThreadPoolExecutor(1) as pool:
+        fits.add([structure], pool)
+    assert calls_for_mass(task, fits.done[structure]) == called

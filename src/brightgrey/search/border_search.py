@@ -22,6 +22,7 @@ from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.further.offers import OfferingSearch
+from brightgrey.search.model_error import calls_for_mass
 from brightgrey.search.policy import BORDER, REFIT, BorderPolicy
 
 __all__ = ["BorderRefit", "BorderSearch"]
@@ -188,16 +189,16 @@ class BorderSearch(OfferingSearch):
     def improves_simplest(self, border: Border) -> bool:
         """Restart the simplest minimal structure, and it with one mass more, where the best fit has model error.
 
-        With few effects a multistart reaches optima that the largest structures miss. Returns True if a fit got better.
+        With few effects a multistart reaches optima that the largest structures miss. Where further effects have been
+        offered, a mass is tried if the residual calls for it. Returns True if a fit got better.
         """
-        if not self.thorough:
-            return False
         own, better = self.simplest(border), False
         more = next((m for m in mass_masks(self.lattice) if self.lattice.structure(m).masses > own.masses), 0)
         larger = self.lattice.structure(self.lattice.within(self.lattice.mask(own) | more))
-        for structure in dict.fromkeys((own, larger)):
-            if structure not in self.lean and self.has_model_error():
-                self.lean.add(structure)
+        wanted = (own, larger) if self.thorough else (larger,) if self.offered else ()
+        for structure in (s for s in dict.fromkeys(wanted) if s not in self.lean):
+            self.lean.add(structure)
+            if self.has_model_error() and (self.thorough or calls_for_mass(self.task, self.fits.done[own])):
                 self.fit([structure])
                 better |= self.restart_at(structure, patiently=True)
         return better

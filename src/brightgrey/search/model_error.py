@@ -12,15 +12,16 @@ from collections.abc import Collection
 import numpy as np
 
 from brightgrey.estimation.diagnostics.outcome import FitContext
-from brightgrey.estimation.diagnostics.symptoms import residual_symptoms
+from brightgrey.estimation.diagnostics.symptoms import Symptom, residual_symptoms
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
 from brightgrey.estimation.uncertainty.estimates import estimates_of
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import StructureFit
+from brightgrey.search.policy import FURTHER
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["optimum_of", "signs_of_model_error"]
+__all__ = ["calls_for_mass", "optimum_of", "signs_of_model_error"]
 
 
 def optimum_of(task: IdentificationTask, fitted: StructureFit) -> OptimumWithJacobian:
@@ -51,8 +52,19 @@ def signs_of_model_error(
     """
     if optimum.cost <= floor_cost:
         return ()
+    found = [s for s in _symptoms(task, structure, optimum) if s.unmodelled]
+    return tuple(s.observation for s in found if not any(p in decided for p in s.suggested))
+
+
+def calls_for_mass(task: IdentificationTask, fitted: StructureFit) -> bool:
+    """True if a good part of what a fit leaves follows the response of a resonance to the input."""
+    found = _symptoms(task, fitted.structure, optimum_of(task, fitted))
+    return any(s.share >= FURTHER.rescued_share and any(p.effect.masses for p in s.suggested) for s in found)
+
+
+def _symptoms(task: IdentificationTask, structure: Structure, optimum: OptimumWithJacobian) -> tuple[Symptom, ...]:
+    """Symptoms of the residual of a fit."""
     problem, space = task.problem_and_space(structure)
     settings = accurate(task).settings
     context = FitContext(problem, space, settings, optimum, estimates_of(problem, space, settings, optimum))
-    found = [s for s in residual_symptoms(context, task.scales) if s.unmodelled]
-    return tuple(s.observation for s in found if not any(p in decided for p in s.suggested))
+    return residual_symptoms(context, task.scales)

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from brightgrey.kit import PAPER
+from brightgrey.kit import PAPER, Placed
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.fitting.anchors import anchors, mass_masks
 from brightgrey.search.fitting.structure_fit import StructureFit
@@ -87,17 +87,30 @@ def test_find_best_patiently__each_once_until_explained(search, monkeypatch):
     assert [masses for masses, _ in found] == [1, 2, 3]
 
 
-@pytest.mark.parametrize(("model_error", "better"), [(True, True), (True, False), (False, False)])
-def test_improves_simplest__model_error__it_and_one_mass_more_once(model_error, better, search, monkeypatch):
-    found, own = [], PAPER.parse("two_mass+coulomb+backlash")
+@pytest.mark.parametrize("better", [False, True])
+@pytest.mark.parametrize(
+    ("model_error", "thorough", "offered", "resonance", "restarted"),
+    [
+        (True, True, (), False, ["two_mass+coulomb", "three_mass+coulomb"]),
+        (False, True, (), True, []),
+        (True, False, (Placed("gravity"),), True, ["three_mass+coulomb"]),
+        (True, False, (Placed("gravity"),), False, []),
+        (True, False, (), True, []),
+    ],
+)
+def test_improves_simplest__model_error__it_and_one_mass_more_once(
+    model_error, thorough, offered, resonance, restarted, better, search, monkeypatch
+):
+    found, own = [], PAPER.parse("two_mass+coulomb")
+    search.thorough, search.offered = thorough, offered
+    search.fits.done[own] = StructureFit(own, {"J1": 0.01}, 1.0, 1)
     monkeypatch.setattr(search, "simplest", lambda border: own)
     monkeypatch.setattr(search, "has_model_error", lambda: model_error)
+    monkeypatch.setattr("brightgrey.search.border_search.calls_for_mass", lambda task, fitted: resonance)
     monkeypatch.setattr(search, "fit", lambda structures: None)
     monkeypatch.setattr(search, "restart_at", lambda s, patiently: found.append(str(s)) or better)
-    assert not search.improves_simplest(None)  # not in a search that is not thorough
-    search.thorough = True
-    assert search.improves_simplest(None) == better
-    assert found == ([str(own), "three_mass+coulomb+backlash"] if model_error else [])
+    assert search.improves_simplest(None) == (better and bool(restarted))
+    assert found == restarted
     assert not search.improves_simplest(None)
 
 

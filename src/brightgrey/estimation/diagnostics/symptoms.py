@@ -45,6 +45,8 @@ class Symptom:
     #: The motion holds something that the model lacks; False where sampling or a vibration from elsewhere explains it.
     unmodelled: bool = True
     suggested: tuple[Placed, ...] = ()  #: Effects that may explain it, each by itself.
+    #: Part of the residual's sum of squares that follows it; 0 where that is not known.
+    share: float = 0.0
 
 
 def symptoms(
@@ -322,7 +324,8 @@ def _missing_effect(placed: Placed, hit: Detected) -> Symptom:
 def _resonance(hit: Detected, frequency: float, structure: Structure) -> Symptom:
     observation = f"the residual follows the response of a resonance near {frequency:.2g} Hz to the input"
     advice, more = _one_more_mass(structure), _further_mass(structure)
-    return Symptom("Resonance suspected", f"{observation}, which {_explains(hit)}", advice, suggested=more)
+    observation += f", which {_explains(hit)}"
+    return Symptom("Resonance suspected", observation, advice, suggested=more, share=hit.share)
 
 
 def _torque_pattern(pattern: TorquePattern, hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
