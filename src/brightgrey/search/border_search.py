@@ -38,7 +38,7 @@ class BorderSearch(OfferingSearch):
         super().__post_init__()
         self.refined = RefinedFits(self.task, self.fits, self.executor)
         self.tops: set[Structure] = set()
-        self.lean: set[Structure] = set()  # minimal ones that were restarted
+        self.gone_into: set[Structure] = set()  # simplest ones, and those with one mass more
         self.flipped: set[int] = set()
         self.thorough = False
         self.most_fits = self.policy.max_fits
@@ -70,14 +70,16 @@ class BorderSearch(OfferingSearch):
 
     def settled(self) -> Border:
         """Border of the lattice when nothing is left to offer."""
-        border = self.in_rounds()
-        while self.improves_simplest(border):
-            border = self.in_rounds()
         while True:
-            masses = min(self.lattice.structure(m).masses for m in border.minimal)
-            if not (self.offer_further(masses) or self.offer_mass_left_out() or self.offer_mass(masses)):
-                return border
             border = self.in_rounds()
+            masses = min(self.lattice.structure(m).masses for m in border.minimal)
+            if not (
+                self.improves_simplest(border)
+                or self.offer_further(masses)
+                or self.offer_mass_left_out()
+                or self.offer_mass(masses)
+            ):
+                return border
 
     def offer_more(self) -> bool:
         """Offer effects beside the best structure, or masses that were left out, where effects have been offered."""
@@ -190,18 +192,19 @@ class BorderSearch(OfferingSearch):
         """Restart the simplest minimal structure, and it with one mass more, where the best fit has model error.
 
         With few effects a multistart reaches optima that the largest structures miss. Where further effects have been
-        offered, a mass is tried if the residual calls for it. Returns True if a fit got better.
+        offered, a mass is tried if the residual calls for it. Returns True if the table has changed.
         """
-        own, better = self.simplest(border), False
+        own, changed = self.simplest(border), False
         more = next((m for m in mass_masks(self.lattice) if self.lattice.structure(m).masses > own.masses), 0)
         larger = self.lattice.structure(self.lattice.within(self.lattice.mask(own) | more))
         wanted = (own, larger) if self.thorough else (larger,) if self.offered else ()
-        for structure in (s for s in dict.fromkeys(wanted) if s not in self.lean):
-            self.lean.add(structure)
+        for structure in (s for s in dict.fromkeys(wanted) if s not in self.gone_into):
+            self.gone_into.add(structure)
             if self.has_model_error() and (self.thorough or calls_for_mass(self.task, self.fits.done[own])):
+                changed |= structure not in self.fits.done
                 self.fit([structure])
-                better |= self.restart_at(structure, patiently=True)
-        return better
+                changed |= self.restart_at(structure, patiently=True)
+        return changed
 
     def lacks_agreement(self, structure: Structure, share: int | None = None) -> bool:
         """True if more independent starts are wanted at the optimum of a structure, and its share allows them."""

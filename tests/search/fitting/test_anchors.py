@@ -103,7 +103,8 @@ def test_improves_simplest__model_error__it_and_one_mass_more_once(
 ):
     found, own = [], PAPER.parse("two_mass+coulomb")
     search.thorough, search.offered = thorough, offered
-    search.fits.done[own] = StructureFit(own, {"J1": 0.01}, 1.0, 1)
+    for structure in (own, PAPER.parse("three_mass+coulomb")):
+        search.fits.done[structure] = StructureFit(structure, {"J1": 0.01}, 1.0, 1)
     monkeypatch.setattr(search, "simplest", lambda border: own)
     monkeypatch.setattr(search, "has_model_error", lambda: model_error)
     monkeypatch.setattr("brightgrey.search.border_search.calls_for_mass", lambda task, fitted: resonance)
