@@ -1,0 +1,41 @@
+"""Search for the border on recordings of the reference solver: what its restarts find."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.kit import PAPER
+from brightgrey.search.border_search import BorderSearch
+from brightgrey.search.lattice import Lattice
+from support.searches import simulated_task
+
+VALUES = {
+    "J1": 4.9e-4,
+    "J2": 1.8e-3,
+    "J3": 1.15e-2,
+    "J4": 2.2e-3,
+    "c1": 380.0,
+    "c2": 19.0,
+    "c3": 45.0,
+    "d1": 0.023,
+    "d2": 0.0084,
+    "d3": 0.0059,
+    "f_v": 0.013,
+    "M_G": -0.48,
+    "T_d": 0.015,
+}
+
+
+@pytest.mark.parametrize(("seed", "torque"), [(4, 1.0), (5, 0.5)])
+def test_run__four_masses_that_single_batches_miss__patient_multistarts_find_them(seed, torque):
+    truth = PAPER.parse("four_mass+viscous+gravity+delay")
+    offered = {*truth.names, "one_mass", "two_mass", "three_mass", "current_control"}
+    lattice = Lattice.of(PAPER, (), [e for e in PAPER.places if e not in offered])
+    u = torque * E.torque()[:1200]
+    task = simulated_task(truth, VALUES, u, 0.05, dt=E.dt, f_tanh=E.f_tanh, seed=seed, step=0.01)
+    with ThreadPoolExecutor(1) as pool:
+        search = BorderSearch(task, lattice, pool)
+        border = search.run()
+        assert search.is_explained()
+    assert [lattice.structure(m) for m in border.minimal] == [truth]
