@@ -133,6 +133,7 @@ def row(
 ) -> dict[str, object]:
     """One row of the file: everything that is kept of one drive at one noise."""
     truth, found = drive.truth, decision.evidence
+    task = task.with_friction_of(*(f.values for f in decision.fitted.values()))
     undecided = [*found.optional, *(e for e, said in found.certificate.held_back.items() if said == "not decidable")]
     structures = [r.structure for r in found.minimal]
     smaller = [s for s in largest_within(truth) if s.masses >= max(signal.mass for signal in test.outputs)]
@@ -150,7 +151,7 @@ def row(
     exact |= {part.name: np.clip([0.0], part.low, part.high) for part in problem.unknown_initial}
     if problem.friction_width is not None:
         width = problem.friction_width
-        exact[width.name] = np.clip([1.0 / drive.f_tanh], width.low, width.high)
+        exact[width.name] = np.clip([1.0 / drive.f_tanh], width.low if np.isfinite(drive.f_tanh) else 0.0, width.high)
     inside = [m for m in found.refined if contains(truth, m)]
     best = min(r.deviance for r in found.refined.values())
     return {

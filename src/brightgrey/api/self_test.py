@@ -216,7 +216,9 @@ def _as_reported(model: Model, task: IdentificationTask, optimum: Mapping[str, f
     values = {**{name: optimum[name] for name in kept}, **model.values_si()}
     if problem.friction_width is not None:
         width = problem.friction_width
-        values[width.name] = min(max(1.0 / model.settings_si().f_tanh, width.low), width.high)
+        values[width.name] = 1.0 / model.settings_si().f_tanh
+        if values[width.name] > 0.0:
+            values[width.name] = min(max(values[width.name], width.low), width.high)
     return values
 
 

@@ -32,7 +32,7 @@ from brightgrey.estimation.optimisation.pattern_fit import (
 )
 from brightgrey.estimation.optimisation.start_points import given_starts
 from brightgrey.estimation.problem.initial_state import Initial
-from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH_RANGE, friction_width_nuisance
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, FRICTION_WIDTH_RANGE, friction_width_nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.problem.segments import segments
@@ -176,7 +176,7 @@ def fit(
         Gain of the smoothed sign of friction, s/rad (s/m). By default its inverse, the width of friction's reversal,
         is estimated, too.
     start : mapping of str to float or sequence of them, optional
-        Start values, SI; parameters that are not named take their declared ones.
+        Start values, SI; parameters that are not named take their declared ones. A ``friction_width`` of 0 stays 0.
     starts : int
         Descents per batch. Samples fill up what `start` and the torque balance leave of them.
     patience : int
@@ -210,11 +210,11 @@ def fit(
     settings = settings_for(recordings, known, f_tanh, "euler" if level == "euler" else "fast")
     width = friction_width_nuisance(known.speed) if f_tanh is None else None
     problem = SimulationErrorProblem.of(structure, recordings, initial, width, per_recording=per_recording)
-    space = parameter_space(structure, known, bounds or {}, fixed or {}, problem.nuisances)
+    given = [] if start is None else [start] if isinstance(start, Mapping) else list(start)
+    space = _with_friction_of(given, parameter_space(structure, known, bounds or {}, fixed or {}, problem.nuisances))
     final = replace(settings, level=level)
     on_recordings = recording_findings(recordings)
     uninformative = any(finding.kind == "not identifiable" for finding in on_recordings)
-    given = [] if start is None else [start] if isinstance(start, Mapping) else list(start)
     if uninformative:
         descent = _Descent(unfitted(problem, space, final), 1, ())
     elif one_of("estimator", estimator, ESTIMATORS) == "pattern-search":
@@ -223,7 +223,7 @@ def fit(
         descent = _by_multistart(problem, space, settings, final, given, starts, patience, seed, options)
     best, equivalent = resolve_lag_pole_exchange(problem, space, final, descent.best)
     reversal, space, best = estimated_width(problem, space, final, best)
-    final = final if reversal is None else replace(final, f_tanh=1.0 / reversal.value)
+    final = final if reversal is None or not reversal.value else replace(final, f_tanh=1.0 / reversal.value)
     estimates = estimates_of(problem, space, final, best, compare_recordings=True)
     each = estimates_in_recordings(problem, estimates)
     named = {name: with_spread(estimates.by_name[name], each.get(name, ())) for name in structure.parameters}
@@ -254,6 +254,12 @@ def fit(
         in_recordings=each,
         deviations={part.name: estimates.by_name[part.name].value for part in problem.deviations},
     )
+
+
+def _with_friction_of(given: Sequence[Mapping[str, float]], space: ParameterSpace) -> ParameterSpace:
+    """Space with exact friction if one of the given starts has it."""
+    exact = any(values.get(FRICTION_WIDTH) == 0.0 for values in given)
+    return space.fix(FRICTION_WIDTH, 0.0) if exact and FRICTION_WIDTH in space.names else space
 
 
 class _Descent(NamedTuple):

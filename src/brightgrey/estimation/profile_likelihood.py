@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -89,7 +89,6 @@ def profile(
     bounds = {n: found.bounds[n] for n in found.structure.parameters if n in found.bounds}
     name = one_of("estimated parameter", name, bounds)
     known, width = scales(recordings), found.friction_width
-    settings = found.settings if width is None else replace(found.settings, f_tanh=1.0 / width.value)
     free_width = friction_width_nuisance(known.speed) if width is not None and not width.is_sharp else None
     problem = SimulationErrorProblem.of(
         found.structure, recordings, friction_width=free_width, per_recording=tuple(found.in_recordings)
@@ -99,7 +98,7 @@ def profile(
     nuisances = [*problem.deviations, *([] if free_width is None else [free_width])]
     space = parameter_space(found.structure, known, bounds, fixed, nuisances)
     k = space.names.index(name)
-    start = np.array([values.get(n, 1.0 / settings.f_tanh) for n in space.names])
+    settings, start = found.settings, np.array([values.get(n, 1.0 / found.settings.f_tanh) for n in space.names])
     best = fit_to_convergence(problem, space, settings, start)
     half, rise = _calibration(problem, best, k)
     low, high, middle = (float(v[k]) for v in (*space.box, space.to_scaled(best.values)))

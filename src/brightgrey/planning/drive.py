@@ -15,7 +15,7 @@ from brightgrey.estimation.noise.whitening import whiten
 from brightgrey.estimation.optimisation.least_squares import evaluate
 from brightgrey.estimation.optimisation.torque_regression import with_regressed_sizes
 from brightgrey.estimation.problem.initial_state import InitialState
-from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, friction_width_nuisance
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, friction_gain, friction_width_nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.kit import StateSpace, Structure, assemble, slowest_resonance
@@ -270,8 +270,7 @@ class PlannedDrive:
 
     def system(self, structure: str, values: Mapping[str, Array | float], outputs: Sequence[str] = ()) -> StateSpace:
         """Assembled systems of parameter sets."""
-        f_tanh = 1.0 / values[FRICTION_WIDTH] if FRICTION_WIDTH in values else self.settings.f_tanh
-        parsed = Structure.parse(structure)
+        parsed, f_tanh = Structure.parse(structure), friction_gain(values, self.settings.f_tanh)
         return assemble(parsed, {n: values[n] for n in parsed.parameters}, f_tanh, list(outputs) or ["velocity"])
 
     @cached_property

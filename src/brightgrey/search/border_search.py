@@ -74,7 +74,8 @@ class BorderSearch(OfferingSearch):
             border = self.in_rounds()
             masses = min(self.lattice.structure(m).masses for m in border.minimal)
             if not (
-                self.improves_simplest(border)
+                self.goes_over_to_exact_friction()
+                or self.improves_simplest(border)
                 or self.offer_further(masses)
                 or self.offer_mass_left_out()
                 or self.offer_mass(masses)
@@ -89,12 +90,15 @@ class BorderSearch(OfferingSearch):
     def fit_largest(self) -> None:
         """Fit the structures with most effects, until nothing is left to explain or to try."""
         self.fit(self.anchors)
+        self.goes_over_to_exact_friction()
         self.fit_hard_limits()
         self.find_best()
 
     def in_rounds(self) -> Border:
         """Border of the lattice, in rounds with a noise model each, until no status changes."""
         reference, last = self.fits.best().structure, None
+        if self.refined.task is not self.task:  # friction has become exact
+            self.refined = RefinedFits(self.task, self.fits, self.executor)
         for _ in range(self.policy.rounds):
             self.refined.begin_round(reference, material_growth(model_error=self.has_model_error()))
             border = self.decide()
@@ -164,6 +168,7 @@ class BorderSearch(OfferingSearch):
             if not wanted:
                 break
             self.restart_at(wanted[0])
+            self.goes_over_to_exact_friction()
 
     def find_best_patiently(self) -> None:
         """Restart what leads, and what is beside it, by a patient multistart each, until the best residual is white."""
@@ -174,6 +179,7 @@ class BorderSearch(OfferingSearch):
                 break
             tried.add(wanted[0])
             self.restart_at(wanted[0], patiently=True)
+            self.goes_over_to_exact_friction()
 
     def beside_leaders(self) -> list[Structure]:
         """Structures that lead, each before the largest with one mass more, which is seldom found from below.

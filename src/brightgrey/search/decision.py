@@ -152,7 +152,7 @@ def decide_structures(
     with thread_pool(executor) as workers:
         total = lattice.size if how == "exhaustive" else None
         search: BorderSearch = (partial(BorderRefit, optima=optima) if optima else BorderSearch)(
-            coarse_task(task),
+            coarse_task(task.with_friction_of(*(optima or {}).values())),
             lattice,
             workers,
             seed,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,7 @@ from brightgrey.arrays import Array
 from brightgrey.effects import Parameter, Scales
 from brightgrey.errors import one_of
 from brightgrey.estimation.noise.error_floor import error_variances
-from brightgrey.estimation.problem.nuisance import Nuisance
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, Nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.kit import Grammar, Placed, Structure
@@ -39,6 +39,7 @@ class IdentificationTask:
     #: SI; standard start of parameters, instead of the one found in the recordings.
     start: Mapping[str, float] = field(default_factory=dict)
     friction_width: Nuisance | None = None  #: None if the settings give it.
+    exact_friction: bool = False  #: Friction reverses at once: its width is 0 in all structures.
     drift: bool = False  #: Long recordings have a drift each, a nuisance.
     per_recording: tuple[str, ...] = ()  #: Parameters that may differ between the recordings.
 
@@ -57,7 +58,14 @@ class IdentificationTask:
         return problem, self._space(structure, problem.nuisances)
 
     def _space(self, structure: Structure, nuisances: Sequence[Nuisance]) -> ParameterSpace:
-        return parameter_space(structure, self.scales, self.bounds_of(structure), self.fixed_of(structure), nuisances)
+        limits, constants = self.bounds_of(structure), self.fixed_of(structure)
+        space = parameter_space(structure, self.scales, limits, constants, nuisances)
+        return space.fix(FRICTION_WIDTH, 0.0) if self.exact_friction and FRICTION_WIDTH in space.names else space
+
+    def with_friction_of(self, *optima: Mapping[str, float]) -> IdentificationTask:
+        """Task with exact friction if one of several optima has it."""
+        exact = any(values.get(FRICTION_WIDTH) == 0.0 for values in optima)
+        return replace(self, exact_friction=self.exact_friction or exact)
 
     def bounds_of(self, structure: Structure) -> dict[str, tuple[float, float]]:
         """Those of `bounds` that `structure` has."""

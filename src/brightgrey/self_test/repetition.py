@@ -12,7 +12,7 @@ from brightgrey import estimation
 from brightgrey.errors import BrightgreyError
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
 from brightgrey.estimation.problem.initial_state import Initial
-from brightgrey.estimation.problem.nuisance import friction_width_nuisance
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, friction_width_nuisance
 from brightgrey.estimation.uncertainty.estimates import Estimate, estimates_of
 from brightgrey.kit import Grammar, Structure
 from brightgrey.recordings import Recording
@@ -119,7 +119,7 @@ def _between(request: Request, drive: SimulatedDrive, without: Structure) -> Req
         require=tuple(map(str, without.placed)),
         exclude=tuple(map(str, (*left_out, *beyond))),
         optima={
-            structure: {name: drive.values[name] for name in drive.values if name in structure.parameters}
+            structure: {n: v for n, v in drive.values.items() if n in structure.parameters or n == FRICTION_WIDTH}
             for structure in (without, drive.structure)
         },
         offered=tuple(present),
@@ -204,6 +204,7 @@ def _estimates_at(
     task: IdentificationTask, structure: Structure, values: Mapping[str, float]
 ) -> Mapping[str, Estimate]:
     """Estimates at an optimum that is known."""
+    task = task.with_friction_of(values)
     problem, space = task.problem_and_space(structure)
     residual, jacobian, _ = residual_and_jacobian(task, structure, values)
     point = np.array([values.get(n, v) for n, v in zip(space.names, space.start, strict=True)])

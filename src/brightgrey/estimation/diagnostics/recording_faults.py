@@ -152,7 +152,8 @@ def _fit_beside(context: FitContext, drifts: tuple[Nuisance, ...], skews: tuple[
     widths = (width,) if width and width.name in fixed else ()
     free = (*drifts, *skews, *widths)
     faulty, space = replace(problem, drifts=problem.drifts + drifts, skews=skews), _space_beside(context.space, free)
-    start = np.append(context.best.values, [fixed.get(nuisance.name, nuisance.start) for nuisance in free])
+    begins = [np.clip(fixed.get(part.name, part.start), part.low, part.high) for part in free]
+    start = np.append(context.best.values, begins)
     tolerance = FAULT_DEFAULTS.negligible_decrease / problem.samples
     best = fit_to_convergence(faulty, space, context.settings, start, tolerance=tolerance)
     return context._replace(problem=faulty, space=space, best=best)

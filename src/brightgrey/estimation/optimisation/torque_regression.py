@@ -21,7 +21,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.options import TORQUE_REGRESSION_DEFAULTS, TorqueRegressionOptions
-from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
+from brightgrey.estimation.problem.nuisance import friction_gain
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.estimation.problem.torque_balance import inertias, lags_of, rigid_torque, sizes_of, torque_kinds
@@ -68,7 +68,7 @@ def with_regressed_sizes(
     for widths, which in _by_width(problem.structure, values, examined, options).items():
         part = {name: value[which] for name, value in values.items()}
         motions = [e.motion_smoothed(0, width) for e, width in zip(examined, widths, strict=True)]
-        f_tanh = 1.0 / part[FRICTION_WIDTH] if FRICTION_WIDTH in part else np.full(len(which), settings.f_tanh)
+        f_tanh = _sign_gains(part, settings, len(which))
         sizes = _regressed_sizes(problem.structure, space, motions, part, f_tanh, options)
         out[np.ix_([space.names.index(name) for name in sizes], which)] = list(sizes.values())
     return space.clip(out)
@@ -104,7 +104,7 @@ def with_waves(
     if not (examined and out.size) or len(examined) < len(problem.recordings):
         return out
     first = space.named(samples[:, :1])
-    f_tanh = 1.0 / first[FRICTION_WIDTH] if FRICTION_WIDTH in first else np.array([settings.f_tanh])
+    f_tanh = _sign_gains(first, settings, 1)
     ((widths, _),) = _by_width(structure, first, examined, options).items()
     motions = [e.motion_smoothed(0, width) for e, width in zip(examined, widths, strict=True)]
     fastest = max(float(np.abs(motion.velocity).max()) for motion in motions)
@@ -121,6 +121,11 @@ def with_waves(
             for names, value in zip(rows, peak, strict=True):
                 out[np.ix_([space.names.index(n) for n in names], range(k, out.shape[1], len(peaks)))] = value
     return space.clip(out)
+
+
+def _sign_gains(values: Mapping[str, Array], settings: Settings, count: int) -> Array:
+    """Gains of friction's sign, shape (K,), none sharper than that of the settings: the motion is measured."""
+    return np.broadcast_to(np.minimum(friction_gain(values, settings.f_tanh), settings.f_tanh), count)
 
 
 @lru_cache(maxsize=8)

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-__all__ = ["FRICTION_WIDTH", "FRICTION_WIDTH_RANGE", "FrictionWidthRange", "Nuisance", "friction_width_nuisance"]
+import numpy as np
+
+from brightgrey.arrays import Array
+
+__all__ = [
+    "FRICTION_WIDTH",
+    "FRICTION_WIDTH_RANGE",
+    "FrictionWidthRange",
+    "Nuisance",
+    "friction_gain",
+    "friction_width_nuisance",
+]
 
 FRICTION_WIDTH = "friction_width"
-"""Name of the speed within which dry friction reverses: the inverse of f_tanh in eq. (2)."""
+"""Name of the speed within which dry friction reverses: the inverse of f_tanh in eq. (2). It is 0 for an exact sign."""
 
 
 @dataclass(frozen=True)
@@ -41,3 +53,12 @@ def friction_width_nuisance(speed: float) -> Nuisance:
     """Width of friction's reversal for recordings whose largest speed is `speed`, rad/s (m/s)."""
     r = FRICTION_WIDTH_RANGE
     return Nuisance(FRICTION_WIDTH, r.low * speed, r.high * speed, r.start * speed, sampled=False, log=True)
+
+
+def friction_gain(values: Mapping[str, Array | float], otherwise: float) -> Array | float:
+    """Gain of the sign of dry friction, f_tanh in eq. (2): infinite for a width of 0, `otherwise` without a width."""
+    if FRICTION_WIDTH not in values:
+        return otherwise
+    width = np.asarray(values[FRICTION_WIDTH], float)
+    gain: Array = np.divide(1.0, width, out=np.full_like(width, np.inf), where=width > 0.0)
+    return gain

@@ -102,11 +102,12 @@ class ParameterSpace:
         return np.clip(values, low, high)
 
     def fix(self, name: str, value: float) -> ParameterSpace:
-        """Space without the free parameter `name`, which is fixed at `value`, SI; nothing is sampled together in it."""
+        """Space without the free parameter `name`, which is fixed at `value`, SI, and is sampled with no others."""
         rest = [i for i, free in enumerate(self.names) if free != name]
+        blocks = tuple(b._replace(rows=tuple(map(rest.index, b.rows))) for b in self.blocks if set(b.rows) <= set(rest))
         parts = {key: getattr(self, key)[rest] for key in ("low", "high", "start", "log", "not_sampled")}
         names, fixed = tuple(self.names[i] for i in rest), {**self.fixed, name: value}
-        return replace(self, names=names, fixed=fixed, blocks=(), **parts)
+        return replace(self, names=names, fixed=fixed, blocks=blocks, **parts)
 
     def _independent_samples(self, share: Array) -> Array:
         """Samples from points of the unit cube, each parameter on its own: more often near the declared start."""

@@ -15,7 +15,7 @@ from brightgrey.estimation.problem.clock_skew import skewed
 from brightgrey.estimation.problem.drift import drift_in, drifts_of, with_drift
 from brightgrey.estimation.problem.initial_state import Initial, InitialState, output_noise
 from brightgrey.estimation.problem.normal_equations import LARGEST, add_products, add_squares
-from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, Nuisance
+from brightgrey.estimation.problem.nuisance import Nuisance, friction_gain
 from brightgrey.estimation.problem.output_feedback import measured_speed, with_output_feedback
 from brightgrey.estimation.problem.per_recording import (
     deviations_of,
@@ -125,9 +125,8 @@ def system_for(
     The width of friction's reversal is that of the settings, unless it is among the values.
     """
     outputs = [signal.simulated for signal in recording.outputs]
-    f_tanh = 1.0 / values[FRICTION_WIDTH] if FRICTION_WIDTH in values else settings.f_tanh
     own = {name: values[name] for name in structure.parameters}
-    return assemble(structure, own, f_tanh, outputs, recording.input.mass)
+    return assemble(structure, own, friction_gain(values, settings.f_tanh), outputs, recording.input.mass)
 
 
 def _truncated(recording: Recording, share: float) -> Recording:

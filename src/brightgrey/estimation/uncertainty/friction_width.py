@@ -1,13 +1,13 @@
-"""Width of friction's reversal: as sharp as the recording can show, or a width with its interval.
+"""Width of friction's reversal: none that the recording can show, or a width with its interval.
 
-The width is searched with all parameters. Whether it differs from the sharpest one is asked once, at the optimum. One
-batch of simulations over the width gives residuals; one Gauss-Newton step of the other parameters, by generalised least
-squares, gives a profile of the likelihood.
+The width is searched with all parameters. Whether friction may as well reverse at once is asked once, at the optimum.
+One batch of simulations over the width gives residuals; one Gauss-Newton step of the other parameters, by generalised
+least squares, gives a profile of the likelihood. Exact friction is fitted anew from there.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -16,7 +16,7 @@ from brightgrey.arrays import Array
 from brightgrey.estimation.noise.error_floor import error_variances
 from brightgrey.estimation.noise.whitening import Whitening
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_to_convergence
-from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, Nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.numerics.distributions import chi2
@@ -32,9 +32,6 @@ class WidthOptions:
     points_per_decade: int = 12
     points_refined: int = 9  #: Points between two of these, where an end of the interval is.
     level: float = 0.05  #: Chance that a width is reported although friction reverses at once.
-    #: Growth of the sum of squares up to which friction that reverses at once makes the same motion,
-    same_motion: float = 1.5
-    same_digits: float = 10.0  #: beside so many times what the errors of simulation and sensor make.
 
 
 WIDTH_DEFAULTS = WidthOptions()
@@ -43,7 +40,7 @@ WIDTH_DEFAULTS = WidthOptions()
 class FrictionWidth(NamedTuple):
     """Speed within which dry friction reverses, rad/s (m/s)."""
 
-    value: float  #: The sharpest one that is simulated, if the recording shows no width.
+    value: float  #: 0 if the recording shows no width; the sharpest one at level ``euler``, which cannot stop a mass.
     #: 95 % interval: from 0 if the recording shows no width, to infinity if it shows no upper limit.
     ci95: tuple[float, float]
 
@@ -60,18 +57,16 @@ def estimated_width(
     best: OptimumWithJacobian,
     options: WidthOptions = WIDTH_DEFAULTS,
 ) -> tuple[FrictionWidth | None, ParameterSpace, OptimumWithJacobian]:
-    """Width with its interval; where the recordings show none, it is fixed at the sharpest one.
-
-    A mass that creeps through a smooth reversal may stick for good where friction reverses at once. Then the sharpest
-    width is one that the recordings show: the interval begins with it.
+    """Width with its interval; where friction may as well reverse at once, it does so from now on.
 
     Parameters
     ----------
     problem : SimulationErrorProblem
     space : ParameterSpace
+        With the width, or with exact friction: then it stays exact, and the upper limit is asked for.
     settings : Settings
     best : OptimumWithJacobian
-        Of all parameters and the width.
+        Of all parameters, and of the width if the space has it.
     options : WidthOptions
 
     Returns
@@ -83,36 +78,23 @@ def estimated_width(
     OptimumWithJacobian
         In that space.
     """
-    if FRICTION_WIDTH not in space.names:
+    width = problem.friction_width
+    if width is None:
         return None, space, best
+    profile = _Profile.of(problem, space, settings, best, options)
+    if FRICTION_WIDTH in space.fixed:
+        end = _interval(profile, width, profile.of_optimum(space, best))[1]
+        return FrictionWidth(0.0, (0.0, end)), space, best
     row = space.names.index(FRICTION_WIDTH)
-    low, high = float(space.low[row]), float(space.high[row])
-    value = float(best.values[row])
-    begin, end = _interval(_Profile.of(problem, space, settings, best, options), low, high)
-    if begin > 0.0 and space.active_bounds(best.values)[row] >= 0:
-        # Whitened and not, the least sum of squares may differ where the residual is no noise.
-        return FrictionWidth(value, (min(begin, value), max(end, value))), space, best
-    sharp = space.fix(FRICTION_WIDTH, low)
+    sharpest = width.low if settings.level == "euler" else 0.0
+    sharp = space.fix(FRICTION_WIDTH, sharpest)
     again = fit_to_convergence(problem, sharp, settings, np.delete(best.values, row))
-    begin = 0.0 if _moves_alike(problem, sharp, settings, again, options) else low
-    return FrictionWidth(low, (begin, end)), sharp, again
-
-
-def _moves_alike(
-    problem: SimulationErrorProblem,
-    sharp: ParameterSpace,
-    settings: Settings,
-    best: OptimumWithJacobian,
-    options: WidthOptions,
-) -> bool:
-    """True if friction that reverses at once makes the same motion as the sharpest width, but for its last digits."""
-    if settings.level == "euler":  # which cannot stop a mass
-        return True
-    values = sharp.named(best.values[:, None])
-    del values[FRICTION_WIDTH]
-    at_once = replace(problem, friction_width=None).costs(values, replace(settings, f_tanh=np.inf))
-    floor = error_variances(problem.recordings, problem.weights).ravel() @ np.array(problem.segment_lengths)
-    return bool(at_once[0] <= options.same_motion * best.cost + options.same_digits * floor)
+    begin, end = _interval(profile, width, profile.of_optimum(sharp, again))
+    if begin == 0.0:
+        return FrictionWidth(sharpest, (0.0, end)), sharp, again
+    value = float(best.values[row])
+    # Whitened and not, the least sum of squares may differ where the residual is no noise.
+    return FrictionWidth(value, (min(begin, value), max(end, value))), space, best
 
 
 @dataclass(frozen=True)
@@ -144,23 +126,35 @@ class _Profile:
         return cls(problem, space, settings, best.values, others, whitening, options)
 
     def __call__(self, widths: Array) -> Array:
-        values = np.repeat(self.values[:, None], widths.size, axis=1)
-        values[self.space.names.index(FRICTION_WIDTH)] = widths
-        residuals = self.problem.residuals(self.space.named(values), self.settings)
+        values = self.space.named(np.repeat(self.values[:, None], widths.size, axis=1))
+        residuals = self.problem.residuals({**values, FRICTION_WIDTH: widths}, self.settings)
         return np.array([self.whitening.gls_rss(residual, self.others) for residual in residuals.T])
 
+    def of_optimum(self, space: ParameterSpace, optimum: OptimumWithJacobian) -> float:
+        """The same of another optimum in its own space."""
+        moving = space.active_bounds(optimum.values) == 0
+        return self.whitening.gls_rss(optimum.residual, optimum.jacobian[:, moving])
 
-def _interval(profile: _Profile, low: float, high: float) -> tuple[float, float]:
-    """Widths that a likelihood ratio does not reject: from 0 and to infinity where it rejects none."""
-    options = profile.options
+
+def _interval(profile: _Profile, width: Nuisance, at_once: float) -> tuple[float, float]:
+    """Widths that a likelihood ratio does not reject, to infinity where it rejects none.
+
+    They begin at 0 if it does not reject the deviance of friction that reverses `at_once`.
+    """
+    options, low, high = profile.options, width.low, width.high
     grid = np.geomspace(low, high, 1 + round(options.points_per_decade * np.log10(high / low)))
-    grid = np.sort(np.append(grid, profile.values[profile.space.names.index(FRICTION_WIDTH)]))
+    if FRICTION_WIDTH in profile.space.names:
+        grid = np.sort(np.append(grid, profile.values[profile.space.names.index(FRICTION_WIDTH)]))
     deviance = profile(grid)
-    limit = float(deviance.min() + chi2.isf(options.level, 1))
+    limit = float(min(deviance.min(), at_once) + chi2.isf(options.level, 1))
     inside = np.flatnonzero(deviance <= limit)
-    begin = 0.0 if grid[inside[0]] <= grid[0] else _crossing(profile, grid[inside[0] - 1], grid[inside[0]], limit)
-    end = np.inf if inside[-1] == grid.size - 1 else _crossing(profile, grid[inside[-1] + 1], grid[inside[-1]], limit)
-    return begin, end
+    if not len(inside):
+        return 0.0, low
+    first, last = inside[0], inside[-1]
+    end = np.inf if last == grid.size - 1 else _crossing(profile, grid[last + 1], grid[last], limit)
+    if at_once <= limit:
+        return 0.0, end
+    return low if first == 0 else _crossing(profile, grid[first - 1], grid[first], limit), end
 
 
 def _crossing(profile: _Profile, outer: float, inner: float, limit: float) -> float:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.kit import Placed, Structure
 from brightgrey.numerics import distributions
 from brightgrey.search.fitting.anchors import anchors
+from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.refined_fit import whitening_by
 from brightgrey.search.fitting.structure_fit import Options, StructureFit
@@ -58,6 +59,7 @@ class OfferingSearch:
         self.offered: tuple[Placed, ...] = ()
         self.restarts: dict[Structure, int] = {}  # multistarts of each structure
         self.least_cost = np.inf  # of all fits, those included that have been left out
+        self._asked_cost = np.inf  # of the best fit that was asked for exact friction
         self._model_error: dict[tuple[Structure, float], bool] = {}
         self._larger: dict[tuple[bool, Structure, float, tuple[Placed, ...]], StructureFit | None] = {}
 
@@ -91,6 +93,7 @@ class OfferingSearch:
             return False
         masses = self.anchors[0].masses
         self.fit([s for s in self.anchors if s.masses == masses])
+        self.goes_over_to_exact_friction()
         if self.is_explained():
             return False
         extended = [fit for own in self.best_with(masses) if (fit := self.extended(own)) is not None]
@@ -250,6 +253,18 @@ class OfferingSearch:
         if new:
             self.fits.add(new, self.executor)
             self.progress("fits", len(self.fits.done), self.fits.best().structure)
+
+    def goes_over_to_exact_friction(self) -> bool:
+        """Take exact friction for all structures if the best one explains more with it; each best fit is asked once."""
+        best, asked = self.fits.best(), self._asked_cost
+        self._asked_cost = best.cost
+        if not (best.cost < REFIT.improved * asked and reverses_at_once(self.task, best)):
+            return False
+        self.task = self.fits.task = replace(self.task, exact_friction=True)
+        refit_all(self.fits, self.executor)
+        self.restarts.clear()
+        self._larger.clear()
+        return True
 
     def is_explained(self, fitted: StructureFit | None = None) -> bool:
         """True if the residual of a fit, the best by default, is white or within the accuracy of the simulation."""

@@ -22,7 +22,7 @@ from brightgrey.search.detectability import Detectability, has, relevant_sizes
 from brightgrey.search.fitting.refined_fit import Refined, refine, residual_and_jacobian
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.largest_rivals import LargestRivals
-from brightgrey.search.undecided.past_recordings import eliminated
+from brightgrey.search.undecided.past_recordings import eliminated, of_the_drive
 from brightgrey.search.undecided.question import UNDECIDED_SCHEMA, Known, OpenQuestions, OutputNoise, Question
 
 __all__ = ["open_questions"]
@@ -223,7 +223,7 @@ def _question_of(
     known, gradient, deviance = _known_of(d, rival, change)
     # to be refuted, the rival has to exceed what all effects of the function set explain by chance
     more = max(d.circumstances.most_free - d.refined.of(rival).free, 1)
-    own = {n: float(v) for n, v in values.items() if n in truth.parameters or n == FRICTION_WIDTH}
+    own = of_the_drive(truth, values)
     return Question(
         effects,
         kind,

@@ -12,7 +12,12 @@ from brightgrey.kit import Structure
 from brightgrey.search.fitting.refined_fit import RefinedFits
 from brightgrey.search.undecided.question import Known
 
-__all__ = ["eliminated"]
+__all__ = ["eliminated", "of_the_drive"]
+
+
+def of_the_drive(structure: Structure, values: Mapping[str, float]) -> dict[str, float]:
+    """Parameters of a structure and the width of friction's reversal, if there is one, without what a recording has."""
+    return {n: float(v) for n, v in values.items() if n in structure.parameters or (n == FRICTION_WIDTH and v > 0.0)}
 
 
 def eliminated(
@@ -45,7 +50,7 @@ def eliminated(
     through = inverse @ H[np.ix_(~own, own)]
     known = Known(
         str(structure),
-        {n: float(v) for n, v in values.items() if n in structure.parameters or n == FRICTION_WIDTH},
+        of_the_drive(structure, values),
         tuple(n for n, o in zip(space.names, own, strict=True) if o),
         tuple(map(tuple, (H[np.ix_(own, own)] - H[np.ix_(own, ~own)] @ through).tolist())),
     )

@@ -1,0 +1,80 @@
+"""Exact friction in a search: taken where it explains more than any width, on recordings of the reference solver."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from brightgrey import identify
+from brightgrey.api.to_si import identification_task
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.kit import PAPER
+from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once
+from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.structure_fit import Options, fit_multistart
+from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
+
+TRUTH = {"J1": 0.0277, "M_C": 2.11, "M_G": 0.52}
+STRUCTURE = PAPER.parse("one_mass+coulomb+gravity")
+
+
+def recording(f_tanh, noise):
+    """A chirp that friction and weight hold for a good part of the time; the noise is relative to the peak."""
+    t = E.dt * np.arange(1200)
+    u = 3.5 * np.sin(2.0 * np.pi * (0.5 + 1.5 * t / t[-1]) * t) * (0.4 + 0.6 * t / t[-1])
+    (v,) = reference(str(STRUCTURE), TRUTH, u, E.dt, f_tanh=f_tanh)
+    v += noise * np.abs(v).max() * np.random.default_rng(3).standard_normal(v.size)
+    return make_recording(u, v, dt=E.dt)
+
+
+def fitted(f_tanh, noise, structure=STRUCTURE):
+    """Task of a recording, and a fit by multistart."""
+    task = identification_task([recording(f_tanh, noise)], None, {}, {}, None)
+    return task, fit_multistart(task, structure, Options(patience=0), seed=1)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-4])
+def test_reverses_at_once__drive_that_rests__yes(noise):
+    assert reverses_at_once(*fitted(np.inf, noise))
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+@pytest.mark.parametrize("share", [0.003, 0.03])
+def test_reverses_at_once__friction_with_a_width__no(share, noise):
+    speed = np.abs(recording(np.inf, 0.0).y).max()
+    assert not reverses_at_once(*fitted(1.0 / (share * speed), noise))
+
+
+def test_reverses_at_once__nothing_that_could_reverse__no():
+    assert not reverses_at_once(*fitted(np.inf, 0.0, PAPER.parse("one_mass+viscous+gravity")))
+
+
+def test_refit_all__task_with_exact_friction__all_fits_have_it_and_the_truth_is_reached():
+    task = identification_task([recording(np.inf, 0.0)], None, {}, {}, None)
+    fits = FitTable(task, [PAPER.parse("one_mass+coulomb"), STRUCTURE])
+    smaller = PAPER.parse("one_mass+coulomb")
+    with ThreadPoolExecutor(1) as pool:
+        fits.add([smaller, STRUCTURE], pool)
+        before = fits.done[STRUCTURE].cost
+        fits.task = task.with_friction_of({FRICTION_WIDTH: 0.0})
+        refit_all(fits, pool)
+    assert set(fits.done) == {smaller, STRUCTURE}
+    assert all(f.values[FRICTION_WIDTH] == 0.0 for f in (*fits.done.values(), *fits.anchors.values()))
+    found = fits.done[STRUCTURE]
+    assert found.cost < 1e-3 * before
+    assert found.values["M_C"] == pytest.approx(TRUTH["M_C"], rel=1e-4)
+
+
+def test_identify__drive_that_rests_and_no_noise__finds_the_truth_alone_with_exact_friction():
+    """With a width, a second mass takes the part of what creeps."""
+    found = identify(recording(np.inf, 0.0), exclude=["three_mass", "current_control", "delay"])
+    assert [str(r.structure) for r in found.evidence.minimal] == [str(STRUCTURE)]
+    assert found.evidence.minimal[0].values[FRICTION_WIDTH] == 0.0
+    assert found.model.settings.friction_width == 0.0
+    low, high = found.model.settings.friction_width_ci95
+    assert low == 0.0
+    assert high < 0.01 * found.model.settings.speed_scale
+    for name, value in TRUTH.items():
+        assert found.model.values_si()[name] == pytest.approx(value, rel=1e-4)
