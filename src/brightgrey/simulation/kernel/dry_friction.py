@@ -3,7 +3,7 @@
 Friction of one mass acts on no other, so each has a mode of its own, ``work.side``. A mass that slides to side s = 1
 or -1 feels -s A(|v|). A mass that sticks has v = 0 at both stages of a step, and feels the force that this needs, up to
 the breakaway torque A(0). A step that leaves its modes is shortened, and at last the change is located as contacts are.
-Modes differ from lane to lane, so each lane steps on its own. No table depends on them.
+All lanes take a full step at once. Those that leave a mode in it repeat it on their own. No table depends on modes.
 """
 
 from __future__ import annotations
@@ -11,10 +11,9 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.effects.arithmetic import magnitude
-from brightgrey.simulation.kernel.law_dispatch import channel_force, channel_forces, dry_forces
+from brightgrey.simulation.kernel.law_dispatch import channel_force, dry_forces
 from brightgrey.simulation.kernel.machine.compilation import inner
-from brightgrey.simulation.kernel.machine.simd import LANES, get, lanes_not_less, put, real, whole
-from brightgrey.simulation.kernel.radau_step import solve_ports, stage_guess
+from brightgrey.simulation.kernel.machine.simd import LANES, get, put, whole
 
 __all__ = [
     "correct_rates_at_rest",
@@ -25,7 +24,6 @@ __all__ = [
     "part_in_friction_mode",
     "set_dry_forces",
     "set_initial_sides",
-    "solve_dry_stages",
     "sticks",
     "stop_end",
     "switch_friction",
@@ -135,41 +133,6 @@ def correct_rates_at_rest(shape: Any, plant: Any, row: Any, work: Any) -> None:
                 most = get(work.breakaway, k, lane)
                 excess = min(max(needed, -most), most) - needed
                 put(work.rhs, 0, lane, excess * by_force)
-
-
-@inner
-def solve_dry_stages(shape: Any, plant: Any, call: Any, table: Any, h: Any, work: Any, lane: Any) -> Any:
-    """As `radau_step.solve_stages`, for one lane: (s I - d S) F = phi + d (a - z), where rows of rest have s = 0.
-
-    Such a row says z = 0: s = 0, d = -1 and phi = -z.
-    """
-    m = shape.channels
-    size, end = 2 * m, 2 * m * m
-    stage_guess(shape, table, 0, size, end, h, work, lane)
-    for k in range(m):
-        if sticks(plant, work, k, lane):
-            put(work.z1, k, lane, 0.0)
-            put(work.z2, k, lane, 0.0)
-    change = 0.0
-    for _ in range(shape.newton):
-        for k in range(m):
-            z1, z2 = get(work.z1, k, lane), get(work.z2, k, lane)
-            unit = 1.0
-            if sticks(plant, work, k, lane):
-                unit, f1, d1, f2, d2 = 0.0, -z1, -1.0, -z2, -1.0
-            elif whole(plant.stopped, k) >= 0:
-                f1, d1, f2, d2 = dry_forces(shape, plant, k, z1, z2, get(work.side, k, lane), lane)
-            else:
-                f1, d1, f2, d2 = channel_forces(shape, plant, k, z1, z2, lane)
-            for j in range(size):
-                put(work.M, k * size + j, lane, -d1 * get(table, k * size + j, lane))
-                put(work.M, (m + k) * size + j, lane, -d2 * get(table, end + k * size + j, lane))
-            put(work.M, k * size + k, lane, get(work.M, k * size + k, lane) + unit)
-            put(work.M, (m + k) * (size + 1), lane, get(work.M, (m + k) * (size + 1), lane) + unit)
-            put(work.rhs, k, lane, f1 + d1 * (get(work.a1, k, lane) - z1))
-            put(work.rhs, m + k, lane, f2 + d2 * (get(work.a2, k, lane) - z2))
-        change = solve_ports(shape, table, 0, size, end, work, lane)
-    return lanes_not_less(change, real(call.numbers, 2))
 
 
 @inner

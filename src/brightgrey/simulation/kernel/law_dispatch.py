@@ -129,7 +129,7 @@ def dry_forces(shape: Any, plant: Any, k: Any, z1: Any, z2: Any, side: Any, lane
     """
     off1, off2 = side * z1, side * z2
     speed1, speed2 = positive_part(off1), positive_part(off2)
-    f1, d1, f2, d2 = 0.0, 0.0, 0.0, 0.0
+    f1, d1, f2, d2 = splat(0.0, lane), splat(0.0, lane), splat(0.0, lane), splat(0.0, lane)
     for e in range(shape.elements):
         if whole(plant.channel, e) == k:
             law, first = whole(plant.law, e), whole(plant.first, e)

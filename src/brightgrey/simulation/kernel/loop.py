@@ -5,7 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.kernel.contact_modes import drive_all, drive_lane, set_mode, use_table_of
-from brightgrey.simulation.kernel.dry_friction import correct_rates_at_rest
+from brightgrey.simulation.kernel.dry_friction import (
+    correct_rates_at_rest,
+    follow_input,
+    leaves_friction_mode,
+    stop_end,
+)
 from brightgrey.simulation.kernel.machine.compilation import cached, inlined, inner
 from brightgrey.simulation.kernel.machine.memory_layout import call_of, plant_of, shape_of, use_batch, work_of
 from brightgrey.simulation.kernel.machine.simd import (
@@ -131,25 +136,27 @@ def _step_all_lanes(block: Any, shape: Any, plant: Any, call: Any, k: Any, base:
     """Carry all lanes over one base step."""
     h = real(call.numbers, 0) / shape.base_steps
     drive_all(shape, plant, call, k, base << shape.ticks, 1 << shape.ticks, work)
+    if shape.dry == 1:
+        for lane in range(LANES):
+            if not (dead >> lane) & 1:
+                follow_input(shape, plant, work, lane)
     failed, coarse = radau_step(shape, plant, call, work.current, h, shape.points, work)
     left = 0
     for b in range(shape.limits):
         end = watched_quantity(shape, plant, work, b, work.end, None)
         left |= lanes_leaving_interval(shape, work, b, shape.points, end, None)
+    if shape.dry == 1:
+        for lane in range(LANES):
+            if not (dead >> lane) & 1:
+                left |= leaves_friction_mode(shape, plant, work, lane) << lane
     if (failed | coarse | left) & ~dead == 0:
+        if shape.dry == 1:
+            for lane in range(LANES):
+                if not (dead >> lane) & 1:
+                    stop_end(shape, plant, work, lane)
         accept(shape, plant, work, h, None)
         return
     invoke(call.accept_or_refine, (block, k, base, failed | left, coarse, dead))
-
-
-@inlined
-def _step_each_lane(block: Any, shape: Any, call: Any, k: Any, base: Any, dead: Any) -> None:
-    """Carry all lanes over one base step with dry friction, which has modes of its own in every lane."""
-    for lane in range(LANES):
-        leader = lane - lane % shape.group
-        if not (dead >> lane) & 1:
-            follow = 1 if lane > leader and not (dead >> leader) & 1 else 0
-            invoke(call.refine_lane, (block, k, base, lane, follow, 0, 1 << shape.ticks, shape.ticks))
 
 
 @cached
@@ -184,8 +191,6 @@ def run_batch(block: Any, first: Any, last: Any) -> None:
                     if shape.euler == 1:
                         drive_all(shape, plant, call, k - 1, base << shape.ticks, 1 << shape.ticks, work)
                         invoke(call.euler_step, (block,))
-                    elif shape.dry == 1:
-                        _step_each_lane(block, shape, call, k - 1, base, dead)
                     else:
                         _step_all_lanes(block, shape, plant, call, k - 1, base, work, dead)
             lost = _record_sample(shape, plant, call, k, number * LANES, work) & ~dead

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.effects.arithmetic import magnitude
-from brightgrey.simulation.kernel.law_dispatch import channel_forces
+from brightgrey.simulation.kernel.law_dispatch import channel_forces, dry_forces
 from brightgrey.simulation.kernel.machine.compilation import inlined, inner
 from brightgrey.simulation.kernel.machine.memory_layout import end_rows
 from brightgrey.simulation.kernel.machine.simd import (
@@ -30,9 +30,8 @@ __all__ = [
     "estimate",
     "lanes_leaving_interval",
     "radau_step",
-    "solve_ports",
+    "solve_dry_stages",
     "solve_stages",
-    "stage_guess",
     "watched_quantity",
 ]
 
@@ -231,6 +230,53 @@ def solve_stages(
     return lanes_not_less(change, splat(real(call.numbers, 2), who))
 
 
+@inner
+def solve_dry_stages(
+    shape: Any, plant: Any, call: Any, table: Any, middle: Any, stride: Any, end: Any, h: Any, work: Any, who: Any
+) -> Any:
+    """As `solve_stages` with exact friction: (s I - d S) F = phi + d (a - z), where rows of rest have s = 0.
+
+    Such a row says z = 0: s = 0, d = -1 and phi = -z.
+    """
+    m = shape.channels
+    size = 2 * m
+    stage_guess(shape, table, middle, stride, end, h, work, who)
+    for k in range(m):
+        moves = _moves(plant, work, k, who)
+        put(work.z1, k, who, moves * get(work.z1, k, who))
+        put(work.z2, k, who, moves * get(work.z2, k, who))
+    change = splat(0.0, who)
+    for _ in range(shape.newton):
+        for k in range(m):
+            z1, z2 = get(work.z1, k, who), get(work.z2, k, who)
+            moves = _moves(plant, work, k, who)
+            rests = 1.0 - moves
+            if whole(plant.stopped, k) >= 0:
+                f1, d1, f2, d2 = dry_forces(shape, plant, k, z1, z2, get(work.side, k, who), who)
+                f1, d1 = moves * f1 - rests * z1, moves * d1 - rests
+                f2, d2 = moves * f2 - rests * z2, moves * d2 - rests
+            else:
+                f1, d1, f2, d2 = channel_forces(shape, plant, k, z1, z2, who)
+            for j in range(size):
+                put(work.M, k * size + j, who, -d1 * get(table, middle + k * stride + j, who))
+                put(work.M, (m + k) * size + j, who, -d2 * get(table, end + k * size + j, who))
+            put(work.M, k * size + k, who, get(work.M, k * size + k, who) + moves)
+            put(work.M, (m + k) * (size + 1), who, get(work.M, (m + k) * (size + 1), who) + moves)
+            put(work.rhs, k, who, f1 + d1 * (get(work.a1, k, who) - z1))
+            put(work.rhs, m + k, who, f2 + d2 * (get(work.a2, k, who) - z2))
+        change = solve_ports(shape, table, middle, stride, end, work, who)
+    return lanes_not_less(change, splat(real(call.numbers, 2), who))
+
+
+@inlined
+def _moves(plant: Any, work: Any, k: Any, who: Any) -> Any:
+    """0 where the mass of channel k sticks, else 1."""
+    if whole(plant.stopped, k) < 0:
+        return splat(1.0, who)
+    side = get(work.side, k, who)
+    return choose_less(0.0, side * side, splat(1.0, who), splat(0.0, who))
+
+
 @inlined
 def estimate(shape: Any, plant: Any, call: Any, h: Any, work: Any, who: Any) -> Any:
     """Write the error estimate to ``work.error``; return the lanes in which it is too large."""
@@ -265,7 +311,10 @@ def radau_step(shape: Any, plant: Any, call: Any, table: Any, h: Any, points: An
                 a2 = a2 + get(plant.H, k * n + i, None) * get(work.end, i, None)
             put(work.a2, k, None, a2)
         coupling = stage + (m + shape.limits * shape.points) * width
-        failed = solve_stages(shape, plant, call, table, stage + n + 3, width, coupling, h, work, None)
+        if shape.dry == 1:
+            failed = solve_dry_stages(shape, plant, call, table, stage + n + 3, width, coupling, h, work, None)
+        else:
+            failed = solve_stages(shape, plant, call, table, stage + n + 3, width, coupling, h, work, None)
         coarse = estimate(shape, plant, call, h, work, None)
         for i in range(n):
             start = i * width + n + 3

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.kernel.dry_friction import solve_dry_stages
 from brightgrey.simulation.kernel.machine.compilation import inner, merged
 from brightgrey.simulation.kernel.machine.memory_layout import column_rows, end_rows, points_of, table_rows
 from brightgrey.simulation.kernel.machine.simd import LANES, get, put, real, set_whole, skip, whole
-from brightgrey.simulation.kernel.radau_step import estimate, solve_stages
+from brightgrey.simulation.kernel.radau_step import estimate, solve_dry_stages, solve_stages
 
 __all__ = ["mark_columns_outdated", "step_lane"]
 
@@ -88,7 +87,7 @@ def step_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, h: Any, 
                 put(work.coupled, k * 2 * m + j, lane, real(solo, at + n + k))
                 put(work.coupled, (m + k) * 2 * m + j, lane, real(solo, at + last + k))
         if shape.dry == 1:
-            failed = solve_dry_stages(shape, plant, call, work.coupled, h, work, lane)
+            failed = solve_dry_stages(shape, plant, call, work.coupled, 0, 2 * m, 2 * m * m, h, work, lane)
         else:
             failed = solve_stages(shape, plant, call, work.coupled, 0, 2 * m, 2 * m * m, h, work, lane)
         coarse = estimate(shape, plant, call, h, work, lane)

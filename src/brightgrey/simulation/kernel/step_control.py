@@ -184,11 +184,14 @@ def accept_or_refine(block: Any, k: Any, base: Any, failed: Any, coarse: Any, de
     exceptional &= ~dead
     for lane in range(LANES):  # before any attempt of one group writes over what the full step says of the others
         if (exceptional >> lane) & 1:
-            set_whole(work.first_level, lane, _shorter_step(shape, plant, call, work, shape.ticks, lane, 1.0))
+            within = part_in_friction_mode(shape, plant, work, lane) if shape.dry == 1 else 1.0
+            set_whole(work.first_level, lane, _shorter_step(shape, plant, call, work, shape.ticks, lane, within))
+        elif shape.dry == 1:
+            stop_end(shape, plant, work, lane)
     accept_some(shape, plant, work, h, ~exceptional)
     for leader in range(0, LANES, group):
         led = (exceptional >> leader) & ((1 << group) - 1)
-        if led & 1 and group >= _MIN_GROUP:
+        if led & 1 and group >= _MIN_GROUP and shape.dry == 0:  # modes of friction differ from lane to lane
             invoke(call.refine_group, (block, k, base, leader, whole(work.first_level, leader), dead))
         elif led:
             if not led & 1:  # the leader took the full step
