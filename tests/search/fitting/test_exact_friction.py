@@ -18,6 +18,7 @@ from support.recordings import make_recording
 
 TRUTH = {"J1": 0.0277, "M_C": 2.11, "M_G": 0.52}
 STRUCTURE = PAPER.parse("one_mass+coulomb+gravity")
+NOTABLE = 0.04
 
 
 def recording(f_tanh, noise):
@@ -37,18 +38,18 @@ def fitted(f_tanh, noise, structure=STRUCTURE):
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-4])
 def test_reverses_at_once__drive_that_rests__yes(noise):
-    assert reverses_at_once(*fitted(np.inf, noise))
+    assert reverses_at_once(*fitted(np.inf, noise), NOTABLE)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
 @pytest.mark.parametrize("share", [0.003, 0.03])
 def test_reverses_at_once__friction_with_a_width__no(share, noise):
     speed = np.abs(recording(np.inf, 0.0).y).max()
-    assert not reverses_at_once(*fitted(1.0 / (share * speed), noise))
+    assert not reverses_at_once(*fitted(1.0 / (share * speed), noise), NOTABLE)
 
 
 def test_reverses_at_once__nothing_that_could_reverse__no():
-    assert not reverses_at_once(*fitted(np.inf, 0.0, PAPER.parse("one_mass+viscous+gravity")))
+    assert not reverses_at_once(*fitted(np.inf, 0.0, PAPER.parse("one_mass+viscous+gravity")), NOTABLE)
 
 
 def test_refit_all__task_with_exact_friction__all_fits_have_it_and_the_truth_is_reached():

@@ -14,7 +14,6 @@ import numpy as np
 from brightgrey.estimation.optimisation.least_squares import fit_many
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.numerics.distributions import chi2
-from brightgrey.search.adequacy import material_growth
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.refined_fit import refine, whitening_by
 from brightgrey.search.fitting.structure_fit import StructureFit
@@ -24,7 +23,7 @@ from brightgrey.search.task import IdentificationTask
 __all__ = ["refit_all", "reverses_at_once"]
 
 
-def reverses_at_once(task: IdentificationTask, fitted: StructureFit) -> bool:
+def reverses_at_once(task: IdentificationTask, fitted: StructureFit, growth: float) -> bool:
     """Return True if exact friction explains a notable part of what a fit with a width leaves, by more than chance.
 
     It is asked of the plain and of the whitened cost. The noise is that which exact friction leaves: beside a width the
@@ -35,6 +34,8 @@ def reverses_at_once(task: IdentificationTask, fitted: StructureFit) -> bool:
     task : IdentificationTask
     fitted : StructureFit
         Without a width that is estimated the answer is no.
+    growth : float
+        Growth of a cost, as a part of it, that is notable.
     """
     structure, at_once = fitted.structure, replace(task, exact_friction=True)
     if FRICTION_WIDTH not in task.space(structure, nuisances=True).names:
@@ -42,7 +43,6 @@ def reverses_at_once(task: IdentificationTask, fitted: StructureFit) -> bool:
     problem, space = at_once.problem_and_space(structure)
     start = np.array([fitted.values[name] for name in space.names])
     limit, tolerance = REFIT.iterations, REFIT.tolerance
-    growth = material_growth(model_error=True)  # it has to be notable, since any residual may hold model error here
     beaten = fitted.cost / (1.0 + growth)
     (end,) = fit_many(
         problem, space, task.settings, start[:, None], limit=limit, tolerance=tolerance, cost_to_beat=beaten

@@ -15,6 +15,7 @@ from brightgrey.arrays import positive
 from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.kit import Placed, Structure
 from brightgrey.numerics import distributions
+from brightgrey.search.adequacy import material_growth
 from brightgrey.search.fitting.anchors import anchors
 from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once
 from brightgrey.search.fitting.fit_table import FitTable
@@ -258,7 +259,8 @@ class OfferingSearch:
         """Take exact friction for all structures if the best one explains more with it; each best fit is asked once."""
         best, asked = self.fits.best(), self._asked_cost
         self._asked_cost = best.cost
-        if not (best.cost < REFIT.improved * asked and reverses_at_once(self.task, best)):
+        notable = material_growth(model_error=True)  # what leads so early may have any model error
+        if not (best.cost < REFIT.improved * asked and reverses_at_once(self.task, best, notable)):
             return False
         self.task = self.fits.task = replace(self.task, exact_friction=True)
         refit_all(self.fits, self.executor)
