@@ -216,9 +216,8 @@ def _as_reported(model: Model, task: IdentificationTask, optimum: Mapping[str, f
     values = {**{name: optimum[name] for name in kept}, **model.values_si()}
     if problem.friction_width is not None:
         width = problem.friction_width
-        values[width.name] = 1.0 / model.settings_si().f_tanh
-        if values[width.name] > 0.0:
-            values[width.name] = min(max(values[width.name], width.low), width.high)
+        found = 1.0 / model.settings_si().f_tanh  # 0 for an exact sign
+        values[width.name] = min(max(found, width.low), width.high) if found else 0.0
     return values
 
 
