@@ -51,4 +51,5 @@ def task_of_run(record: RunRecord, recordings: Sequence[Recording]) -> Identific
     if record.f_tanh is not None:
         settings = settings_for(recordings, task.scales, record.f_tanh)
         task = replace(task, settings=settings, friction_width=None)
-    return replace(task, bounds=dict(record.bounds), fixed=dict(record.fixed), per_recording=record.per_recording)
+    task = replace(task, bounds=dict(record.bounds), fixed=dict(record.fixed), per_recording=record.per_recording)
+    return task.with_friction_of(*(fitted.values for fitted in record.fits))

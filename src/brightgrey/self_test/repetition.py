@@ -177,6 +177,7 @@ def _task_on(task: IdentificationTask, recordings: tuple[Recording, ...]) -> Ide
         scales=known,
         settings=settings,
         friction_width=friction_width_nuisance(known.speed) if width else None,
+        exact_friction=False,  # a search finds that itself
     )
 
 
