@@ -13,6 +13,7 @@ import numpy as np
 from brightgrey.arrays import positive
 from brightgrey.errors import SettingsError, one_of
 from brightgrey.estimation.optimisation.least_squares import polish
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.estimation.uncertainty.estimates import estimates_of
 from brightgrey.kit import Grammar, Placed, Structure, function_set
 from brightgrey.search.border import Border, Refutation
@@ -309,8 +310,8 @@ def predict_left_out(task: IdentificationTask, structure: Structure, values: Map
         start = [values.get(n, v) for n, v in zip(space.names, space.start, strict=True)]
         end = polish(problem, space, others.settings, np.clip(start, space.low, space.high), tolerance=1e-4)
         found = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-        alone = replace(task, recordings=(recording,))
-        (misfit,) = alone.misfits(structure, {n: np.array([found[n]]) for n in structure.parameters})
+        own = {n: np.array([v]) for n, v in found.items() if n in structure.parameters or n == FRICTION_WIDTH}
+        (misfit,) = replace(task, recordings=(recording,)).misfits(structure, own)
         fits.append(misfit.fit_percent)
     return float(np.mean(fits))
 
