@@ -146,14 +146,10 @@ def _best_residual(context: FitContext, problem: SimulationErrorProblem) -> Arra
 
 
 def _fit_beside(context: FitContext, drifts: tuple[Nuisance, ...], skews: tuple[Nuisance, ...]) -> FitContext:
-    """Fit from the optimum with the faults, and with friction's width open."""
-    problem, fixed = context.problem, context.space.fixed
-    width = problem.friction_width  # it may be fixed since: beside a fault it is open again
-    widths = (width,) if width and width.name in fixed else ()
-    free = (*drifts, *skews, *widths)
+    """Fit from the optimum with the faults; friction stays exact where no width showed."""
+    problem, free = context.problem, (*drifts, *skews)
     faulty, space = replace(problem, drifts=problem.drifts + drifts, skews=skews), _space_beside(context.space, free)
-    begins = [np.clip(fixed.get(part.name, part.start), part.low, part.high) for part in free]
-    start = np.append(context.best.values, begins)
+    start = np.append(context.best.values, [fault.start for fault in free])
     tolerance = FAULT_DEFAULTS.negligible_decrease / problem.samples
     best = fit_to_convergence(faulty, space, context.settings, start, tolerance=tolerance)
     return context._replace(problem=faulty, space=space, best=best)
@@ -168,7 +164,6 @@ def _space_beside(space: ParameterSpace, nuisances: Sequence[Nuisance]) -> Param
         high=np.append(space.high, [n.high for n in nuisances]),
         start=np.append(space.start, [n.start for n in nuisances]),
         log=np.append(space.log, [n.log for n in nuisances]),
-        fixed={name: value for name, value in space.fixed.items() if name not in {n.name for n in nuisances}},
         not_sampled=np.append(space.not_sampled, [not n.sampled for n in nuisances]),
     )
 
