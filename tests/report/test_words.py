@@ -96,7 +96,10 @@ def searched(seed):
     structures = list(grammar_named("drive").structures())
     chosen, *others = (structures[i] for i in rng.integers(len(structures), size=5))
     model = random_model(str(chosen), seed)
-    ties = TiesPart(minimal=tuple(map(str, (chosen, *others[:2]))), optional=tuple(registry())[2:7])
+    names = tuple(map(str, (chosen, *others[:2])))
+    left_out = {name: tuple(rng.uniform(0, 100, 2 + seed)) for name in names}
+    minimal = names[1:] if seed % 2 else names  # the model may add effects to the first of them
+    ties = TiesPart(minimal=minimal, optional=tuple(registry())[2:7], left_out=left_out)
     model = model.model_copy(update={"ties": ties})
     rows = tuple(Row(str(s), 5, 1.0, 99.0, 3.0, True) for s in (chosen, *others))
     return Content(

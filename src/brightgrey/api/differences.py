@@ -52,7 +52,7 @@ def compare_for_control(
 ) -> tuple[ControlDifference, ...]:
     """Compare the minimal structures, and those with one optional effect more, if they were refitted.
 
-    The best minimal structure comes first and is compared with the others. A structure without a steady motion is left
+    The first structure is compared with the others. A structure without a steady motion is left
     out, for example one whose gap would have to carry a load. A single structure gives an empty result.
     """
     tied = _tied_structures(evidence)
@@ -82,15 +82,15 @@ def compare_for_control(
 
 
 def _tied_structures(evidence: Evidence) -> list[Refined]:
-    """Minimal structures, then those with one optional effect more, as far as refitted."""
-    minimal = [j.structure for j in evidence.minimal]
+    """The first structure, the minimal ones, then those with one optional effect more, as far as refitted."""
+    leading = {j.structure: j for j in (evidence.first, *evidence.minimal)}
     more = {
         e: evidence.refined[e]
-        for s in minimal
+        for s in (j.structure for j in evidence.minimal)
         for e in one_larger(s, evidence.refined)
-        if e not in minimal and any(has(e, o) and not has(s, o) for o in evidence.optional)
+        if e not in leading and any(has(e, o) and not has(s, o) for o in evidence.optional)
     }
-    return [*evidence.minimal, *(more[s] for s in sorted(more, key=lambda s: evidence.criterion[s]))]
+    return [*leading.values(), *(more[s] for s in sorted(more, key=lambda s: evidence.criterion[s]))]
 
 
 def _table_rows(

@@ -257,11 +257,11 @@ def _fitted_parts(fit: Fit, found: SearchResult | None) -> tuple[FittedPart, ...
         width = {} if fit.friction_width is None else {FRICTION_WIDTH: fit.friction_width.value}
         values = {name: estimate.value for name, estimate in fit.estimates.items()} | dict(fit.deviations) | width
         return (FittedPart(structure=str(fit.structure), status="given", values=values),)
-    first = [str(m.structure) for m in found.evidence.minimal]
-    optima = {str(m.structure): m.values for m in found.evidence.minimal}
+    leading = {str(m.structure): m.values for m in (found.evidence.first, *found.evidence.minimal)}
+    optima = dict(leading)
     optima |= {str(s): values for s, values in found.optima.items()}
     status = {str(s): text for s, text in found.evidence.status.items()}
-    names = [*first, *(name for name in optima if name not in first)]
+    names = [*leading, *(name for name in optima if name not in leading)]
     return tuple(FittedPart(structure=n, status=status[n], values=optima[n]) for n in names)
 
 

@@ -110,7 +110,11 @@ def model_of(
 
 
 def _ties(evidence: Evidence) -> TiesPart:
-    return TiesPart(minimal=tuple(str(j.structure) for j in evidence.minimal), optional=evidence.optional)
+    return TiesPart(
+        minimal=tuple(str(j.structure) for j in evidence.minimal),
+        optional=evidence.optional,
+        left_out={str(s): fits for s, fits in evidence.left_out.items() if fits},
+    )
 
 
 def _certificate_part(certificate: Certificate) -> CertificatePart:

@@ -198,6 +198,7 @@ class TiesPart(Part):
 
     minimal: tuple[str, ...]
     optional: tuple[str, ...]
+    left_out: ReadOnly[str, tuple[float, ...]] = ReadOnlyDict()
 
 
 class RefutedPart(Part):

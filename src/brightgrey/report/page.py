@@ -26,7 +26,7 @@ from brightgrey.report.text.commissioning_sheet import commissioning_sheet
 from brightgrey.report.text.headline import headline
 from brightgrey.report.text.next_steps import next_steps, why_not_richer
 from brightgrey.report.text.opinion_table import opinion_rows, opinion_sentences
-from brightgrey.report.text.prose import listing, sentence, with_meanings
+from brightgrey.report.text.prose import left_out_in_words, listing, sentence, with_meanings
 from brightgrey.report.text.tables import differing_values, fit_rows, friction_width_text, parameter_rows, remarks
 
 if TYPE_CHECKING:
@@ -72,7 +72,9 @@ def page(content: Content) -> str:
         opinions=opinion_rows(model, content.second_opinion),
         opinion=opinion_sentences(content.second_opinion),
         richer=why_not_richer(content),
-        minimal=model.ties.minimal if model.ties else (),
+        minimal=[(n, left_out_in_words(model.ties.left_out.get(n, ()))) for n in model.ties.minimal]
+        if model.ties
+        else [],
         optional=_optional_text(model),
         cards=content.evidence.cards if content.evidence else (),
         ranking=_ranking_cells(content.ranking),
@@ -87,7 +89,7 @@ def _optional_text(model: Model) -> str:
     """Sentence on effects that the recording would not show: those that no minimal structure has."""
     if model.ties is None:
         return ""
-    fitted = {p for name in model.ties.minimal for p in Structure.parse(name).placed}
+    fitted = {p for name in model.ties.minimal for p in Structure.parse(name).placed} | model.structure.beside
     others = [p for p in map(Placed.parse, model.ties.optional) if p not in fitted]
     return listing("The recording would not show it if the drive had", effects_in_words(others, "or"), "or")
 

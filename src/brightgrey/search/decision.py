@@ -12,8 +12,6 @@ import numpy as np
 
 from brightgrey.arrays import positive
 from brightgrey.errors import SettingsError, one_of
-from brightgrey.estimation.optimisation.least_squares import polish
-from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.estimation.uncertainty.estimates import estimates_of
 from brightgrey.kit import Grammar, Placed, Structure, function_set
 from brightgrey.search.border import Border, Refutation
@@ -31,10 +29,12 @@ from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.progress import BorderProgress, SearchProgress
 from brightgrey.search.task import IdentificationTask
+from brightgrey.search.undecided.cross_validation import LeftOutRecordings, extended_by_prediction, missed
 from brightgrey.search.undecided.doubtful import doubtful_effects
 from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
 from brightgrey.search.undecided.rivals import rival_to_offer, rivals_among, rivals_beyond
+from brightgrey.search.verdicts import EffectVerdict, Reason
 
 __all__ = ["Decision", "Ranked", "decide_structures", "evidence_of"]
 
@@ -55,7 +55,7 @@ class Ranked:
 class Decision:
     """Result of :func:`decide_structures`."""
 
-    ranking: tuple[Ranked, ...]  #: Minimal structures first, then by the criterion.
+    ranking: tuple[Ranked, ...]  #: The first structure, the other minimal ones, then by the criterion.
     evidence: Evidence | None  #: None if the search was stopped before its end.
     fitted: Mapping[Structure, StructureFit]
 
@@ -75,8 +75,8 @@ class Decision:
 
     @property
     def best(self) -> Refined | StructureFit:
-        """The first minimal structure; the one with the best criterion if there is no evidence."""
-        return self.evidence.minimal[0] if self.evidence else self.fitted[self.ranking[0].structure]
+        """The first structure; the one with the best criterion if there is no evidence."""
+        return self.evidence.first if self.evidence else self.fitted[self.ranking[0].structure]
 
 
 def decide_structures(
@@ -206,7 +206,8 @@ def evidence_of(
     search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str] = (), *, ask: bool = True
 ) -> Evidence:
     """Verdicts and certificate of a border that a search has found; `exclude` and `ask` as in `decide_structures`."""
-    border, found, rivals = _rivalled(search, border, grammar, exclude)
+    predictions = LeftOutRecordings(search.task, search.executor)
+    border, found, rivals = _rivalled(search, border, grammar, exclude, predictions)
     lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
     certificate = _certificate(search, border, grammar, found)
     doubtful = doubtful_effects(search, border, found[0], unexplained=bool(certificate.unexplained))
@@ -215,9 +216,14 @@ def evidence_of(
     for rival in rivals:
         search.refined.adopt(rival)
     optional, cards = assess_effects(detectability, border, found, certificate, doubtful, instead)
+    first = extended_by_prediction(
+        detectability, predictions, found[0], optional, lambda s: _is_identified(search, search.refined.of(s))
+    )
     held_back = verdicts_on_masses(grammar, exclude, cards)
     held_back += first_order_verdicts(detectability, found, search.more, cards, instead)
     undecided = [c.effect for c in cards if c.verdict == "not decidable"]
+    cards = tuple(map(partial(_with_prediction, found[0], first), cards))
+    leading: list[StructureFit | Refined] = [*(search.fits.done[s] for s in dict.fromkeys((first, *found))), *rivals]
     refined = search.refined.all(circumstances.largest_threshold)
     status = {}
     for s in search.fits.done:
@@ -243,11 +249,20 @@ def evidence_of(
         whitening.effective_samples,
         open_questions(detectability, [*found, *instead], optional, undecided) if ask else None,
         held_back,
+        {f.structure: percent for f, percent in zip(leading, predictions.of(leading), strict=True)},
+        None if first == found[0] else refined[first],
     )
 
 
+def _with_prediction(smaller: Structure, larger: Structure, card: EffectVerdict) -> EffectVerdict:
+    """Verdict that says of an effect that it was added for the sake of predictions."""
+    if has(smaller, card.effect) or not has(larger, card.effect):
+        return card
+    return replace(card, why=replace(card.why, further=(*card.why.further, Reason("predicts better"))))
+
+
 def _rivalled(
-    search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str]
+    search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str], predictions: LeftOutRecordings
 ) -> tuple[Border, list[Structure], tuple[Refined, ...]]:
     """Border, its minimal structures in order, and their rivals.
 
@@ -255,7 +270,7 @@ def _rivalled(
     """
     rivals: tuple[Refined, ...] = ()
     for offering in (True, False):
-        found = _in_order(search, [search.lattice.structure(m) for m in border.minimal])
+        found = _in_order(search, [search.lattice.structure(m) for m in border.minimal], predictions)
         detectability = Detectability(search.refined, search.round, search.executor)
         if isinstance(search, BorderRefit):
             return border, found, rivals_among(detectability, found, search.beyond_lattice())
@@ -270,22 +285,20 @@ def _rivalled(
     return border, found, rivals
 
 
-def _in_order(search: BorderSearch, minimal: Sequence[Structure]) -> list[Structure]:
+def _in_order(search: BorderSearch, minimal: Sequence[Structure], predictions: LeftOutRecordings) -> list[Structure]:
     """Minimal structures, those first of which every parameter is known, then by masses, prediction and criterion."""
     refined = search.refined.of_all(minimal)
     whitening = search.refined.whitening
-    several = len(search.task.recordings) > 2 and len(minimal) > 1
-    calls = [(search.task, r.structure, r.values) for r in refined]
-    predicted = list(in_order(search.executor, predict_left_out, calls)) if several else [0.0] * len(refined)
+    left_out = dict(zip(minimal, predictions.of([search.fits.done[s] for s in minimal]), strict=True))
     keys = {
         r.structure: (
             not _is_identified(search, r),
             r.structure.masses,
-            -score,
+            missed(left_out[r.structure]),
             bic(positive(r.deviance), whitening.samples, r.free),
             str(r.structure),
         )
-        for r, score in zip(refined, predicted, strict=True)
+        for r in refined
     }
     return sorted(minimal, key=keys.__getitem__)
 
@@ -299,21 +312,6 @@ def _is_identified(search: BorderSearch, refined: Refined) -> bool:
     own = refined.structure.parameters
     intervals = [found.by_name[n].ci95 for n, log in zip(space.names, space.log, strict=True) if log and n in own]
     return all(low > 0.0 and high < SELECTION.wide_interval * low for low, high in intervals)
-
-
-def predict_left_out(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> float:
-    """Mean fit in percent of each recording by a model that was fitted to the others, from `values`."""
-    fits = []
-    for k, recording in enumerate(task.recordings):
-        others = replace(task, recordings=(*task.recordings[:k], *task.recordings[k + 1 :]))
-        problem, space = others.problem_and_space(structure)
-        start = [values.get(n, v) for n, v in zip(space.names, space.start, strict=True)]
-        end = polish(problem, space, others.settings, np.clip(start, space.low, space.high), tolerance=1e-4)
-        found = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-        own = {n: np.array([v]) for n, v in found.items() if n in structure.parameters or n == FRICTION_WIDTH}
-        (misfit,) = replace(task, recordings=(recording,)).misfits(structure, own)
-        fits.append(misfit.fit_percent)
-    return float(np.mean(fits))
 
 
 def _certificate(search: BorderSearch, border: Border, grammar: Grammar, found: Sequence[Structure]) -> Certificate:
@@ -388,7 +386,8 @@ def _ranking(search: BorderSearch, task: IdentificationTask, evidence: Evidence 
         one_more = any(one_larger(m, [s]) and any(has(s, o) and not has(m, o) for o in optional) for m in minimal)
         status = evidence.status.get(s, "") if evidence else ""
         ranked.append(Ranked(s, f.free, misfits[s], value, s in minimal or one_more, status))
-    place = {s: i for i, s in enumerate(minimal)}
+    front = dict.fromkeys((evidence.first.structure, *minimal) if evidence else ())
+    place = {s: i for i, s in enumerate(front)}
     ranked.sort(key=lambda r: (place.get(r.structure, len(place)), r.criterion, str(r.structure)))
     return tuple(ranked)
 

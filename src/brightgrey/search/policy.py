@@ -43,6 +43,8 @@ class SelectionPolicy:
     few_samples: float = 50.0
     blocks: int = 8  #: Parts in time in which a gain is asked for where the residual holds something unexplained.
     steady_blocks: int = 6  #: Least number of them in which an effect that is needed helps.
+    #: Recordings from which each is predicted by a model of the others: one of a single recording has seen too little.
+    least_recordings: int = 3
     bound_slack: float = 1e-6  #: Part of a range within which a value counts as within its bound.
 
 

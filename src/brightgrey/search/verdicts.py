@@ -44,6 +44,7 @@ ReasonKind = Literal[
     "refuted as fixed",
     "refuted without size",
     "refuted at first order",
+    "predicts better",
 ]
 
 SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
@@ -94,6 +95,7 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "refuted at first order": (
             "From {size} on it would have shown. At first order it explains {gain} % of the residual."
         ),
+        "predicts better": "The model has it, because with it the recordings predict each other better.",
     }
 )
 """Sentences by the kind of reason. The order of the kinds decides which of several reasons is given."""

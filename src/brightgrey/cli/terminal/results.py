@@ -224,6 +224,8 @@ def _fits(console: Console, rows: Sequence[FitRow]) -> None:
 
 def _verdict_table(console: Console, evidence: Evidence) -> None:
     """Verdict on every effect, and the minimal structures if there are several."""
+    from brightgrey.report.text.prose import left_out_in_words
+
     table = plain_table("effect", "verdict", "reason")
     styles = {"needed": "bold", "not decidable": "yellow"}
     for card in evidence.cards:
@@ -234,13 +236,14 @@ def _verdict_table(console: Console, evidence: Evidence) -> None:
     if len(evidence.minimal) > 1:
         _bullet(console, "The recording cannot tell these minimal structures apart:")
         for one in evidence.minimal:
-            _bullet(console, structure_in_words(one.structure))
+            left_out = left_out_in_words(evidence.left_out.get(one.structure, ()))
+            _bullet(console, f"{structure_in_words(one.structure)}{f' ({left_out})' if left_out else ''}")
         console.print()
 
 
 def _print_differences(console: Console, tied: Sequence[ControlDifference]) -> None:
-    """Print the differences for control between minimal structures."""
-    shown = [d for d in tied if d.minimal][:_COMPARED]
+    """Print the differences for control between the structure of the model and minimal ones."""
+    shown = [*tied[:1], *(d for d in tied[1:] if d.minimal)][:_COMPARED]
     if len(shown) < 2:
         return
     table = plain_table("for control", *(structure_in_words(d.structure) for d in shown))

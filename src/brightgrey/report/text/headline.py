@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from brightgrey.kit import Placed
+from brightgrey.kit import Placed, Structure
 from brightgrey.kit.in_words import effect_in_words, effects_in_words, enumerated, masses_in_words
+from brightgrey.model.model import Model
 from brightgrey.recordings.units.amounts import rounded
 from brightgrey.report.content import Content
-from brightgrey.report.text.prose import listing
+from brightgrey.report.text.prose import left_out_in_words, listing
 from brightgrey.report.text.tables import fit_rows, parameter_rows
 from brightgrey.search.policy import FURTHER
 
@@ -114,6 +115,22 @@ def _open(content: Content) -> str:
             parts.append("One of several effects is needed, and the recording does not say which.")
             parts.append(listing("Among them are", list(alternatives)[: FURTHER.named], "and"))
     minimal = model.ties.minimal if model.ties else ()
-    if len(minimal) > 1:
+    added = _added_by_prediction(model)
+    if len(minimal) > 1 and not added:
         parts.append(f"This is the first of {len(minimal)} structures that explain it equally well.")
+    parts.append(added)
     return " ".join(part for part in parts if part)
+
+
+def _added_by_prediction(model: Model) -> str:
+    """Sentence on effects that no residual demands, with which the recordings predict each other better."""
+    own, ties = str(model.structure), model.ties
+    if ties is None or own in ties.minimal or own not in ties.left_out:
+        return ""
+    first, several = ties.minimal[0], len(ties.minimal)
+    added = sorted(model.structure.beside - Structure.parse(first).beside, key=lambda p: (p.effect.number, p.place))
+    with_it, without = (left_out_in_words(ties.left_out[name]) for name in (own, first))
+    smaller = (
+        f"The first of {several} structures that explain it equally well" if several > 1 else "A smaller structure"
+    )
+    return f"{smaller} {without}. {listing('The model adds', effects_in_words(added), 'and')} Then it {with_it}."

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from brightgrey.kit.in_words import enumerated, parameters_in_words
 from brightgrey.kit.structure import Structure
 
-__all__ = ["listing", "sentence", "with_forces", "with_meanings"]
+__all__ = ["left_out_in_words", "listing", "sentence", "with_forces", "with_meanings"]
 
 LONGEST_SENTENCE = 30
 """Words of a sentence; longer lists are split."""
@@ -54,6 +54,18 @@ def sentence(text: str) -> str:
     first, colon, _ = ended.partition(":")
     _, dot, suffix = first.rpartition(".")
     return f"{ended}." if colon and dot and suffix.isalpha() else f"{ended[:1].upper()}{ended[1:]}."
+
+
+def left_out_in_words(fits: Sequence[float], most: int = 5) -> str:
+    """Fits in percent of recordings that were left out, after the name of a model; empty without any.
+
+    Of more than `most` recordings the worst and the best fit are named.
+    """
+    if not fits:
+        return ""
+    few = len(fits) <= most
+    shown = [f"{fit:.0f}" for fit in (fits if few else (min(fits), max(fits)))]
+    return f"predicts each recording from the others to {enumerated(shown, 'and' if few else 'to')} %"
 
 
 def with_forces(text: str) -> str:

@@ -1,0 +1,83 @@
+"""Predictions of recordings that were left out, on recordings of the reference solver."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from brightgrey.api.to_si import identification_task
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.kit import PAPER
+from brightgrey.search.adequacy import Round
+from brightgrey.search.border_search import BorderSearch
+from brightgrey.search.detectability import Detectability
+from brightgrey.search.lattice import Lattice
+from brightgrey.search.undecided.cross_validation import (
+    LeftOutRecordings,
+    extended_by_prediction,
+    missed,
+    predict_left_out,
+)
+from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
+
+TRUTH = {"J1": 0.0277, "M_C": 0.8, "f_v": 0.05, "M_G": 0.6}
+STRUCTURE = PAPER.parse("one_mass+coulomb+viscous+gravity")
+FIRST = PAPER.parse("one_mass+viscous+gravity")
+OPTIONAL = ("two_mass", "coulomb", "backlash", "current_control", "delay")
+
+
+def task_of(frequencies, noise=0.003):
+    """Sines of several frequencies, with noise."""
+    t, made = E.dt * np.arange(600), []
+    for k, frequency in enumerate(frequencies):
+        u = 3.0 * np.cos(2.0 * np.pi * frequency * t) + 0.6
+        (v,) = reference(str(STRUCTURE), TRUTH, u, E.dt, f_tanh=100.0)
+        v += noise * np.abs(v).max() * np.random.default_rng(k).standard_normal(v.size)
+        made.append(make_recording(u, v, dt=E.dt))
+    return identification_task(made, None, {}, {}, 100.0)
+
+
+@pytest.fixture(scope="module")
+def three():
+    return task_of((1.0, 2.0, 3.5))
+
+
+def extended(task, *, model_error, is_known=lambda structure: True):
+    """The structure that predictions lead to without Coulomb friction, and the predictions."""
+    with ThreadPoolExecutor(1) as workers:
+        search = BorderSearch(task, Lattice.of(PAPER.whole), workers)
+        search.fits.add([FIRST], workers)
+        circumstances = Round(search.lattice, 2, 20, 0.0, model_error)
+        detectability = Detectability(search.refined, circumstances, workers)
+        predictions = LeftOutRecordings(task, workers)
+        return extended_by_prediction(detectability, predictions, FIRST, OPTIONAL, is_known), predictions, search.fits
+
+
+def test_predict_left_out__true_structure__noise_is_all_that_is_missed(three):
+    noise = [100.0 * 0.003 * np.abs(r.y).max() / r.y.std() for r in three.recordings]
+    found = predict_left_out(three, STRUCTURE, TRUTH)
+    np.testing.assert_allclose(100.0 - np.array(found), noise, rtol=0.1)
+
+
+def test_missed__fits__squares_of_what_is_left():
+    assert missed((90.0, 80.0)) == 100.0 + 400.0
+    assert missed(()) == 0.0
+
+
+def test_extended_by_prediction__model_error__adds_what_is_there_and_no_more(three):
+    structure, predictions, fits = extended(three, model_error=True)
+    assert structure == STRUCTURE
+    before, after = predictions.of([fits.done[FIRST], fits.done[STRUCTURE]])
+    assert all(new > old for new, old in zip(after, before, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("frequencies", "model_error"), [((1.0, 2.0, 3.5), False), ((1.0, 3.5), True)], ids=["noise", "two recordings"]
+)
+def test_extended_by_prediction__nothing_that_predictions_tell__stays(frequencies, model_error):
+    assert extended(task_of(frequencies), model_error=model_error)[0] == FIRST
+
+
+def test_extended_by_prediction__parameters_that_are_not_known__are_not_added(three):
+    assert extended(three, model_error=True, is_known=lambda structure: structure == FIRST)[0] == FIRST
