@@ -13,7 +13,7 @@ from functools import cache
 from types import MappingProxyType
 
 from brightgrey.effects import library
-from brightgrey.effects.effect import Caution, Circumstances, Effect, Fault, Parameter, SearchHints, Stage
+from brightgrey.effects.effect import Caution, Circumstances, Effect, Fault, LimitingCase, Parameter, SearchHints, Stage
 from brightgrey.effects.law import Law, friction_law
 from brightgrey.effects.modelica import Modelica, force_on_mass
 from brightgrey.effects.quantities import (
@@ -52,6 +52,7 @@ __all__ = [
     "Element",
     "Fault",
     "Law",
+    "LimitingCase",
     "Limits",
     "Modelica",
     "Parameter",

@@ -124,6 +124,14 @@ class Caution:
 
 
 @dataclass(frozen=True)
+class LimitingCase:
+    """Another effect at the same place that an effect comes to, alone or with others, for some of its values."""
+
+    effect: str
+    values: Callable[[Values], Mapping[str, float]]  #: Its parameters, SI, by those of the effect; bare symbols.
+
+
+@dataclass(frozen=True)
 class SearchHints:
     """Knowledge of an effect that helps a search to find its parameters. All of it is optional.
 
@@ -199,8 +207,9 @@ class Effect:
         Effects that have to stand at the same place.
     excludes : tuple of str
         Effects that never stand at the same place.
-    contains : tuple of str
-        Effects that it comes to for some values: a position-dependent load over a short way is a constant one.
+    limiting_cases : tuple of LimitingCase
+        Effects that it comes to together for some values: a position-dependent load over a short way is a constant one
+        and a spring.
     masses : int
         Number of masses that it brings. Every structure has exactly one effect that brings any.
     relevant_size : callable or None
@@ -234,7 +243,7 @@ class Effect:
     law: Law | None = None
     requires: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()
-    contains: tuple[str, ...] = ()
+    limiting_cases: tuple[LimitingCase, ...] = ()
     masses: int = 0
     relevant_size: Callable[[Scales, Values, int], Mapping[str, float]] | None = None
     residual_signature: str = ""
@@ -242,6 +251,11 @@ class Effect:
     search: SearchHints = SearchHints()
     symbols: tuple[Symbol, ...] = ()
     modelica: Modelica | None = None
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """Effects that it comes to for some values."""
+        return tuple(case.effect for case in self.limiting_cases)
 
     @cached_property
     def _stamped(self) -> tuple[Draft, Draft]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from brightgrey.effects import (
     Caution,
     Effect,
     Law,
+    LimitingCase,
     Parameter,
     Scales,
     SearchHints,
@@ -77,7 +79,10 @@ EFFECT = Effect(
     source="Wiebe et al. 2022, doi:10.21105/joss.03884 (torque-limited simple pendulum)",
     stage="gravity",
     where="mass",
-    contains=("gravity",),
+    limiting_cases=(
+        LimitingCase("gravity", lambda p: {"M_G": -p["G"] * math.sin(p["phi_0"])}),
+        LimitingCase("ground_spring", lambda p: {"c_g": p["G"] * p["k"] * math.cos(p["phi_0"])}),
+    ),
     parameters=(
         Parameter(
             "G",

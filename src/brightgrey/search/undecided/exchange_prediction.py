@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,9 +11,9 @@ from brightgrey.arrays import Array
 from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting.refined_fit import Refined, RefinedFits, accurate, residual_and_jacobian
-from brightgrey.search.further.proposals import EffectChanges, changes_beside
+from brightgrey.search.further.proposals import EffectChanges, FurtherEffect, by_score, changes_beside
 
-__all__ = ["Linearised", "WithoutEffect", "linearised", "without_effect"]
+__all__ = ["Linearised", "WithoutEffect", "limiting_cases", "linearised", "without_effect"]
 
 
 def linearised(refined: RefinedFits, own: Refined) -> Linearised:
@@ -37,6 +37,14 @@ class Linearised:
         """Whitened changes by each of some effects."""
         found = changes_beside(accurate(self.refined.task), self.own, self.residual, effects, seed)
         return [replace(c, changes=self.refined.whitening.whiten(c.changes)) for c in found]
+
+    def beside(self, effects: Sequence[Placed], seed: int) -> list[tuple[float, FurtherEffect]]:
+        """Effects that share something with what the structure leaves, with their scores, the largest first."""
+        slopes = list(self.slopes.values())
+        white = self.refined.whitening.whiten(self.residual)
+        basis = orthonormal_basis(np.column_stack(slopes)) if slopes else np.zeros((len(white), 0))
+        changes = [replace(c, changes=beyond(basis, c.changes)) for c in self.changes(effects, seed)]
+        return by_score(changes, beyond(basis, white))
 
     def without(self, gone: Placed) -> WithoutEffect:
         """The structure without an effect, where the other parameters follow as far as their derivatives say."""
@@ -71,3 +79,18 @@ def without_effect(structure: Structure, gone: Placed) -> Structure:
     """The structure without an effect, and without what requires it."""
     dependent = [p for p in structure.placed if p.place == gone.place and gone.name in p.effect.requires]
     return Structure(tuple(p for p in structure.placed if p != gone and p not in dependent))
+
+
+def limiting_cases(own: Refined, gone: Placed, allowed: Collection[Placed]) -> dict[Placed, dict[str, float]]:
+    """Effects of some that one comes to for some values, with the sizes that they take over from it, SI.
+
+    Those that the structure has already grow by what is taken over.
+    """
+    of_gone, found = {q.symbol: own.values[gone.parameter(q.symbol)] for q in gone.effect.parameters}, {}
+    for case in gone.effect.limiting_cases:
+        placed = Placed(case.effect, gone.place)
+        if placed in allowed:
+            sizes = {placed.parameter(symbol): size for symbol, size in case.values(of_gone).items()}
+            there = own.values if placed in own.structure.placed else dict.fromkeys(sizes, 0.0)
+            found[placed] = {name: there[name] + size for name, size in sizes.items()}
+    return found

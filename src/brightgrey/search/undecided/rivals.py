@@ -35,7 +35,7 @@ from brightgrey.search.further.proposals import (
 from brightgrey.search.lattice import contains, mass_chain_of
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, FURTHER
-from brightgrey.search.undecided.exchange_prediction import linearised, without_effect
+from brightgrey.search.undecided.exchange_prediction import limiting_cases, linearised, without_effect
 from brightgrey.search.verdicts import Reason
 
 __all__ = ["open_choice", "rival_to_offer", "rivals_among", "rivals_beyond"]
@@ -202,7 +202,7 @@ class _Exchange:
             most = _parameter_count(p for p in own.structure.placed if p not in without.structure.placed)
             worth = [f for score, f in scored if score >= near or (score >= like and _parameter_count(f.added) <= most)]
             starts = {f.placed: f.start for f in worth[: FURTHER.exchanged]} | self.moved(own, gone)
-            found += self.rivals(own.values, without.structure, starts)
+            found += self.rivals(own.values, without.structure, starts) + self.limiting(own, gone)
         return found + self.of_excluded(own)
 
     @cached_property
@@ -232,6 +232,30 @@ class _Exchange:
             for p in self.effects
             if p.name == gone.name and p not in own.structure.placed
         }
+
+    def limiting(self, own: Refined, gone: Placed) -> list[Refined]:
+        """Fits with the limiting cases of an effect in its place, and with one effect more where they leave much.
+
+        Together they have no more parameters than it. No derivative tells of them, where such an effect carries a load.
+        """
+        bare, cases = without_effect(own.structure, gone), limiting_cases(own, gone, self.allowed)
+        new = [p for p in cases if p not in bare.placed]
+        given, structure = [p for p in new if p in self.effects], Structure((*bare.placed, *new))
+        if not given or not self.is_new(structure):
+            return []
+        values = dict(own.values)
+        for sizes in cases.values():
+            values |= sizes
+        ends = self.ends([(structure, values)])
+        room = len(gone.effect.parameters) - _parameter_count(new)
+        if room and not self.is_adequate(ends[0]):
+            others = [p for p in self.allowed - structure.beside if not (p.effect.masses or p.effect.has_hard_limit)]
+            others.sort(key=lambda p: (p.effect.number, p.place))
+            scored = [f for _, f in linearised(self.detectability.refined, ends[0]).beside(others, self.seed)]
+            small = [f for f in scored if _parameter_count(f.added) <= room][: FURTHER.exchanged]
+            larger = [(Structure((*structure.placed, *f.added)), {**ends[0].values, **f.start}) for f in small]
+            ends += self.ends([(s, start) for s, start in larger if self.is_new(s)])
+        return self.taken(ends, given[:1] * len(ends))
 
     def of_excluded(self, own: Refined) -> list[Refined]:
         """Fits with what excludes an effect of a structure in its place, by multistart: the two are never beside."""
@@ -282,8 +306,11 @@ class _Exchange:
         """Adequate fits of `bare` with each of some effects, from some values."""
         larger = {p: Structure((*bare.placed, *added_with(p, bare))) for p in starts}
         new = {p: s for p, s in larger.items() if self.is_new(s)}
-        ends = self.ends([(s, {**values, **starts[p]}) for p, s in new.items()])
-        found = [self.reduced(end, p) for p, end in zip(new, ends, strict=True) if self.is_adequate(end)]
+        return self.taken(self.ends([(s, {**values, **starts[p]}) for p, s in new.items()]), list(new))
+
+    def taken(self, ends: Sequence[Refined], given: Sequence[Placed]) -> list[Refined]:
+        """Rivals that the adequate ones of some fits lead to, each with the effect that it was given."""
+        found = [self.reduced(end, p) for end, p in zip(ends, given, strict=True) if self.is_adequate(end)]
         least = {end.structure: end for end in found if not any(contains(end.structure, s) for s in self.minimal)}
         self.minimal.extend(least)
         return list(least.values())
