@@ -130,6 +130,21 @@ def drawn(effect, data):
     return law, z, p
 
 
+@pytest.mark.parametrize("effect", [e for e in LAWS if e.limiting_cases], ids=lambda e: e.name)
+@quick
+@given(data=st.data())
+def test_limiting_cases__short_way__together_are_the_tangent_of_the_law(effect, data):
+    law, _, p = drawn(effect, data)
+    phi, slopes = law.value((0.0,) * law.ports, p)
+    tangent = np.zeros(2)
+    for case in effect.limiting_cases:
+        other = registry()[case.effect].law
+        sizes = case.values(dict(zip(law.parameters, p, strict=True)))
+        value, slope = other.value((0.0,) * other.ports, tuple(sizes[name] for name in other.parameters))
+        tangent += [value, sum(slope)]
+    np.testing.assert_allclose(tangent, [phi, sum(slopes)], rtol=1e-9, atol=1e-9)
+
+
 def moved(values, i, by):
     return tuple(v + by if j == i else v for j, v in enumerate(values))
 

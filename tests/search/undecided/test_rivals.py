@@ -92,6 +92,16 @@ def test_spring_to_the_ground__position_dependent_load_found_first__is_its_rival
     assert structure in minimal(decide_structures(task, grammar_named("drive"), exclude=excluded))
 
 
+def test_constant_load_and_spring__position_dependent_load_found_first__are_its_rival():
+    values = {"J1": 0.016, "f_v": 0.016, "M_G": 0.3, "c_g": 0.15}
+    structure = "one_mass+viscous+gravity+ground_spring"
+    task = simulated_task(structure, values, E.torque(), 0.001 * E.speed, dt=E.dt, f_tanh=200.0, step=1e-3)
+    excluded = ("two_mass", "current_control", "delay", "stribeck", "coulomb")
+    found = decide_structures(task, grammar_named("drive"), exclude=excluded, offered=("pendulum",))
+    assert {structure, "one_mass+viscous+pendulum"} <= set(minimal(found))
+    assert verdicts(found)["pendulum"] == "not decidable"
+
+
 @pytest.mark.parametrize(
     ("structures", "names"),
     [
