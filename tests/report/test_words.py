@@ -29,7 +29,7 @@ from brightgrey.report.text import prose
 from brightgrey.report.text.headline import headline
 from brightgrey.report.text.next_steps import next_steps, urgent_steps, why_not_richer
 from brightgrey.report.text.opinion_table import opinion_sentences
-from brightgrey.report.text.prose import listing, with_forces, with_meanings
+from brightgrey.report.text.prose import left_out_in_words, listing, with_forces, with_meanings
 from brightgrey.report.text.tables import remarks
 from brightgrey.search.evidence import EffectVerdict
 from brightgrey.search.verdicts import Reason, ReasonKind, Size
@@ -321,3 +321,21 @@ def test_opinion_sentences__the_gravest_first():
 )
 def test_sentence__begins_with_a_capital__unless_a_file_is_named(text, said):
     assert prose.sentence(text) == said
+
+
+@pytest.mark.parametrize(
+    ("fits", "said"),
+    [
+        ((), ""),
+        ((84.3, 89.2, 88.6), "predicts each recording from the others to 84.3, 89.2 and 88.6 %"),
+        ((70.0, 71.0, 72.0, 73.0, 74.0, 75.0), "predicts each recording from the others to between 70.0 and 75.0 %"),
+        (
+            (84.3, -3e9, None),
+            "predicts each recording from the others to 84.3 and below 0 %, and diverges in 1 of 3 recordings that were"
+            " left out",
+        ),
+        ((-np.inf, None), "diverges in 2 of 2 recordings that were left out"),
+    ],
+)
+def test_left_out_in_words__fits__are_named(fits, said):
+    assert left_out_in_words(fits) == said

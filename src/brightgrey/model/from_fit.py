@@ -113,7 +113,11 @@ def _ties(evidence: Evidence) -> TiesPart:
     return TiesPart(
         minimal=tuple(str(j.structure) for j in evidence.minimal),
         optional=evidence.optional,
-        left_out={str(s): fits for s, fits in evidence.left_out.items() if fits},
+        left_out={
+            str(s): tuple(fit if math.isfinite(fit) else None for fit in fits)
+            for s, fits in evidence.left_out.items()
+            if fits
+        },
     )
 
 

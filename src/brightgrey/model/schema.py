@@ -198,7 +198,7 @@ class TiesPart(Part):
 
     minimal: tuple[str, ...]
     optional: tuple[str, ...]
-    left_out: ReadOnly[str, tuple[float, ...]] = ReadOnlyDict()
+    left_out: ReadOnly[str, tuple[float | None, ...]] = ReadOnlyDict()
 
 
 class RefutedPart(Part):

@@ -23,7 +23,7 @@ from brightgrey.search.evidence import Evidence, assess_effects
 from brightgrey.search.fitting.coarse import coarse_task
 from brightgrey.search.fitting.refined_fit import Refined, accurate
 from brightgrey.search.fitting.structure_fit import StructureFit
-from brightgrey.search.lattice import Lattice, is_excluded, one_larger
+from brightgrey.search.lattice import Lattice, contains, is_excluded, one_larger
 from brightgrey.search.model_error import signs_of_model_error
 from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
@@ -223,6 +223,7 @@ def evidence_of(
     held_back += first_order_verdicts(detectability, found, search.more, cards, instead)
     undecided = [c.effect for c in cards if c.verdict == "not decidable"]
     cards = tuple(map(partial(_with_prediction, found[0], first), cards))
+    asked = [first, *(s for s in (*found[1:], *instead) if not contains(first, s))]
     leading: list[StructureFit | Refined] = [*(search.fits.done[s] for s in dict.fromkeys((first, *found))), *rivals]
     refined = search.refined.all(circumstances.largest_threshold)
     status = {}
@@ -247,7 +248,7 @@ def evidence_of(
             held_back={c.effect: c.verdict for c in held_back},
         ),
         whitening.effective_samples,
-        open_questions(detectability, [*found, *instead], optional, undecided) if ask else None,
+        open_questions(detectability, asked, optional, undecided) if ask else None,
         held_back,
         {f.structure: percent for f, percent in zip(leading, predictions.of(leading), strict=True)},
         None if first == found[0] else refined[first],

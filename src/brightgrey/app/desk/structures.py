@@ -107,12 +107,13 @@ def _values(record: RunRecord, structure: str) -> Mapping[str, float]:
 def run_structures(folder: str) -> list[dict[str, str]]:
     """Structures of a run whose best values are known, the best first: name, words, status in words, and fit.
 
-    Those that tie with the best one come first. The ranking lacks rivals: their fit is shown beside the best one's.
+    That of the model comes first, then those that tie with it. The ranking lacks rivals: their fit is shown beside the
+    best one's.
     """
     status = {fitted.structure: fitted.status for fitted in load_run_record(folder).fits}
     with (Path(folder) / "ranking.csv").open(encoding="utf-8", newline="") as file:
         fits = {row["structure"]: f"fit {float(row['fit_percent']):.2f} %" for row in csv.DictReader(file)}
-    tied = [name for name, said in status.items() if said in ("minimal", "rival")]
+    tied = [name for k, (name, said) in enumerate(status.items()) if k == 0 or said in ("minimal", "rival")]
     others = [name for name in fits if name in status and name not in tied]
     return [
         {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 
@@ -56,16 +57,20 @@ def sentence(text: str) -> str:
     return f"{ended}." if colon and dot and suffix.isalpha() else f"{ended[:1].upper()}{ended[1:]}."
 
 
-def left_out_in_words(fits: Sequence[float], most: int = 5) -> str:
+def left_out_in_words(fits: Sequence[float | None], most: int = 5) -> str:
     """Fits in percent of recordings that were left out, after the name of a model; empty without any.
 
-    Of more than `most` recordings the worst and the best fit are named.
+    Of more than `most` recordings the worst and the best fit are named. A simulation has diverged where the fit is None
+    or not finite.
     """
-    if not fits:
-        return ""
-    few = len(fits) <= most
-    shown = [f"{fit:.0f}" for fit in (fits if few else (min(fits), max(fits)))]
-    return f"predicts each recording from the others to {enumerated(shown, 'and' if few else 'to')} %"
+    known = [fit for fit in fits if fit is not None and math.isfinite(fit)]
+    lost = f"diverges in {len(fits) - len(known)} of {len(fits)} recordings that were left out"
+    if not known:
+        return lost if fits else ""
+    few = len(known) <= most
+    shown = [f"{fit:.1f}" if fit >= 0.0 else "below 0" for fit in (known if few else (min(known), max(known)))]
+    text = f"predicts each recording from the others to {'' if few else 'between '}{enumerated(shown)} %"
+    return text if len(known) == len(fits) else f"{text}, and {lost}"
 
 
 def with_forces(text: str) -> str:
