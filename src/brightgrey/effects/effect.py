@@ -129,6 +129,7 @@ class LimitingCase:
 
     effect: str
     values: Callable[[Values], Mapping[str, float]]  #: Its parameters, SI, by those of the effect; bare symbols.
+    contained: bool = False  #: Where the effect stands in its place, it keeps its verdict.
 
 
 @dataclass(frozen=True)
@@ -254,8 +255,8 @@ class Effect:
 
     @property
     def contains(self) -> tuple[str, ...]:
-        """Effects that it comes to for some values."""
-        return tuple(case.effect for case in self.limiting_cases)
+        """Effects that keep their verdict where this one stands in their place."""
+        return tuple(case.effect for case in self.limiting_cases if case.contained)
 
     @cached_property
     def _stamped(self) -> tuple[Draft, Draft]:

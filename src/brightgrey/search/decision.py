@@ -206,7 +206,7 @@ def evidence_of(
     search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str] = (), *, ask: bool = True
 ) -> Evidence:
     """Verdicts and certificate of a border that a search has found; `exclude` and `ask` as in `decide_structures`."""
-    predictions = LeftOutRecordings(search.task, search.executor)
+    predictions = LeftOutRecordings(search.fits, search.executor)
     border, found, rivals = _rivalled(search, border, grammar, exclude, predictions)
     lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
     certificate = _certificate(search, border, grammar, found)
@@ -369,6 +369,7 @@ def _ranking(search: BorderSearch, task: IdentificationTask, evidence: Evidence 
     """Ranking of all structures that were fitted, with their misfits on all samples of the recordings."""
     fitted = search.fits.done
     minimal = [r.structure for r in evidence.minimal] if evidence else []
+    front = dict.fromkeys((evidence.first.structure, *minimal) if evidence else ())
     optional = evidence.optional if evidence else ()
     samples = sum(r.y.size for r in search.task.recordings)
     shown, calls = {}, []
@@ -386,8 +387,7 @@ def _ranking(search: BorderSearch, task: IdentificationTask, evidence: Evidence 
         value = bic(positive(refined.deviance if refined else f.cost), samples, f.free)
         one_more = any(one_larger(m, [s]) and any(has(s, o) and not has(m, o) for o in optional) for m in minimal)
         status = evidence.status.get(s, "") if evidence else ""
-        ranked.append(Ranked(s, f.free, misfits[s], value, s in minimal or one_more, status))
-    front = dict.fromkeys((evidence.first.structure, *minimal) if evidence else ())
+        ranked.append(Ranked(s, f.free, misfits[s], value, s in front or one_more, status))
     place = {s: i for i, s in enumerate(front)}
     ranked.sort(key=lambda r: (place.get(r.structure, len(place)), r.criterion, str(r.structure)))
     return tuple(ranked)

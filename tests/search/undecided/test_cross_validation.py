@@ -50,7 +50,7 @@ def extended(task, *, model_error, is_known=lambda structure: True):
         search.fits.add([FIRST], workers)
         circumstances = Round(search.lattice, 2, 20, 0.0, model_error)
         detectability = Detectability(search.refined, circumstances, workers)
-        predictions = LeftOutRecordings(task, workers)
+        predictions = LeftOutRecordings(search.fits, workers)
         return extended_by_prediction(detectability, predictions, FIRST, OPTIONAL, is_known), predictions, search.fits
 
 
@@ -62,6 +62,7 @@ def test_predict_left_out__true_structure__noise_is_all_that_is_missed(three):
 
 def test_missed__fits__squares_of_what_is_left():
     assert missed((90.0, 80.0)) == 100.0 + 400.0
+    assert missed((-1286.0, -np.inf)) == 2 * 100.0**2
     assert missed(()) == 0.0
 
 

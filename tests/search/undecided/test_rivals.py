@@ -1,5 +1,7 @@
 """Rivals: other effects that explain as well in the place of one, and what is said of both."""
 
+from dataclasses import replace
+
 import pytest
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
@@ -92,14 +94,24 @@ def test_spring_to_the_ground__position_dependent_load_found_first__is_its_rival
     assert structure in minimal(decide_structures(task, grammar_named("drive"), exclude=excluded))
 
 
-def test_constant_load_and_spring__position_dependent_load_found_first__are_its_rival():
+def beside_position_dependent_load(**options):
+    """Truth and decision where a position-dependent load is offered in the place of a constant one and a spring."""
     values = {"J1": 0.016, "f_v": 0.016, "M_G": 0.3, "c_g": 0.15}
     structure = "one_mass+viscous+gravity+ground_spring"
     task = simulated_task(structure, values, E.torque(), 0.001 * E.speed, dt=E.dt, f_tanh=200.0, step=1e-3)
     excluded = ("two_mass", "current_control", "delay", "stribeck", "coulomb")
-    found = decide_structures(task, grammar_named("drive"), exclude=excluded, offered=("pendulum",))
+    task = replace(task, **options)
+    return structure, decide_structures(task, grammar_named("drive"), exclude=excluded, offered=("pendulum",))
+
+
+def test_constant_load_and_spring__position_dependent_load_found_first__are_its_rival():
+    structure, found = beside_position_dependent_load()
     assert {structure, "one_mass+viscous+pendulum"} <= set(minimal(found))
     assert verdicts(found)["pendulum"] == "not decidable"
+
+
+def test_constant_load_and_spring__spring_held_at_a_value_that_fits_nothing__are_no_rival():
+    assert minimal(beside_position_dependent_load(fixed={"c_g": 5.0})[1]) == ["one_mass+viscous+pendulum"]
 
 
 @pytest.mark.parametrize(

@@ -239,6 +239,9 @@ def _verdict_table(console: Console, evidence: Evidence) -> None:
             left_out = left_out_in_words(evidence.left_out.get(one.structure, ()))
             _bullet(console, f"{structure_in_words(one.structure)}{f' ({left_out})' if left_out else ''}")
         console.print()
+    elif any(evidence.left_out.values()):
+        _bullet(console, f"The model {left_out_in_words(evidence.left_out[evidence.first.structure])}.")
+        console.print()
 
 
 def _print_differences(console: Console, tied: Sequence[ControlDifference]) -> None:

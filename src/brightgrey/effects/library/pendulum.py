@@ -80,7 +80,7 @@ EFFECT = Effect(
     stage="gravity",
     where="mass",
     limiting_cases=(
-        LimitingCase("gravity", lambda p: {"M_G": -p["G"] * math.sin(p["phi_0"])}),
+        LimitingCase("gravity", lambda p: {"M_G": -p["G"] * math.sin(p["phi_0"])}, contained=True),
         LimitingCase("ground_spring", lambda p: {"c_g": p["G"] * p["k"] * math.cos(p["phi_0"])}),
     ),
     parameters=(

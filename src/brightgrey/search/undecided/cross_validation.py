@@ -42,17 +42,25 @@ def predict_left_out(task: IdentificationTask, structure: Structure, values: Map
 
 
 def missed(left_out: Sequence[float]) -> float:
-    """Part of the motion that predictions with such fits miss: squares of percent, summed over the recordings."""
-    return float(sum((100.0 - fit) ** 2 for fit in left_out))
+    """Part of the motion that predictions with such fits miss: squares of percent, summed over the recordings.
+
+    A recording that hardly moves is missed as a whole at most: its fit may be far below zero.
+    """
+    return float(sum(min(100.0 - fit, 100.0) ** 2 for fit in left_out))
 
 
 @dataclass(frozen=True)
 class LeftOutRecordings:
     """Predictions of the recordings of a search, kept by structure; empty ones for fewer than three recordings."""
 
-    task: IdentificationTask
+    fits: FitTable
     executor: Executor
     _known: dict[Structure, tuple[StructureFit | Refined, tuple[float, ...]]] = field(default_factory=dict)
+
+    @property
+    def task(self) -> IdentificationTask:
+        """The task of the search; it changes where friction becomes exact."""
+        return self.fits.task
 
     def of(self, fitted: Sequence[StructureFit | Refined]) -> list[tuple[float, ...]]:
         """NRMSE fit in percent of each recording by a model of the others, for each fit."""
@@ -73,7 +81,7 @@ def extended_by_prediction(
 ) -> Structure:
     """A structure with those optional effects by which the recordings predict each other notably better, one by one.
 
-    An effect is added where what the predictions miss falls by a notable part, and no recording is predicted worse.
+    An effect is added where the fit and the predictions both miss a notable part less, and no recording gets worse.
     Masses and gaps are not added: a mass may follow any error of the model, and a gap takes a search of its own.
 
     Parameters
@@ -103,7 +111,7 @@ def extended_by_prediction(
             (missed(after), f)
             for f, after in zip(near, found, strict=True)
             if (1.0 + growth) * missed(after) < missed(before)
-            and all(new >= old for new, old in zip(after, before, strict=True))
+            and all(missed([new]) <= missed([old]) for new, old in zip(after, before, strict=True))
         ]
         for _, f in sorted(better, key=lambda pair: pair[0]):
             fits.done.setdefault(f.structure, f)

@@ -20,7 +20,7 @@ def linearised(refined: RefinedFits, own: Refined) -> Linearised:
     """Residual and derivatives at the optimum of a structure."""
     residual, jacobian, inside = residual_and_jacobian(refined.task, own.structure, own.values)
     names = refined.task.problem_and_space(own.structure)[1].names
-    slopes = refined.whitening.whiten(jacobian[:, list(inside)]).T
+    slopes = refined.whitening.whiten(jacobian[:, list(inside)]).T if inside else ()
     return Linearised(refined, own, residual, dict(zip((names[i] for i in inside), slopes, strict=True)))
 
 
