@@ -52,8 +52,8 @@ def compare_for_control(
 ) -> tuple[ControlDifference, ...]:
     """Compare the minimal structures, and those with one optional effect more, if they were refitted.
 
-    The first structure is compared with the others. A structure without a steady motion is left
-    out, for example one whose gap would have to carry a load. A single structure gives an empty result.
+    The first structure is compared with the others. A structure without a steady motion is left out, for example one
+    whose gap would have to carry a load. A single structure gives an empty result.
     """
     tied = _tied_structures(evidence)
     outputs = [s.physical for s in recordings[0].outputs]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.kit import Structure, grammar_named
+from brightgrey.kit import Structure, function_set, grammar_named
 from brightgrey.search.decision import decide_structures
 from brightgrey.search.undecided.rivals import open_choice
 from support.searches import minimal, simulated_task, verdicts
@@ -108,6 +108,18 @@ def test_constant_load_and_spring__position_dependent_load_found_first__are_its_
     structure, found = beside_position_dependent_load()
     assert {structure, "one_mass+viscous+pendulum"} <= set(minimal(found))
     assert verdicts(found)["pendulum"] == "not decidable"
+
+
+def test_spring__position_dependent_load_is_its_rival__is_not_needed_for_sure():
+    values = {"J1": 0.016, "f_v": 0.016, "G": 3.0, "k": 0.05, "phi_0": 0.0}
+    task = simulated_task("one_mass+viscous+pendulum", values, E.torque(), 0.001 * E.speed, dt=E.dt, f_tanh=200.0)
+    known = {"one_mass+viscous+ground_spring": {**values, "c_g": 0.15}, "one_mass+viscous+pendulum": values}
+    optima = {function_set().parse(name): own for name, own in known.items()}
+    excluded = ("two_mass", "current_control", "delay", "stribeck", "coulomb")
+    grammar = grammar_named("drive")
+    found = decide_structures(task, grammar, exclude=excluded, optima=optima, offered=("ground_spring",))
+    assert set(minimal(found)) == set(known)
+    assert verdicts(found)["ground_spring"] == "not decidable"
 
 
 def test_constant_load_and_spring__spring_held_at_a_value_that_fits_nothing__are_no_rival():

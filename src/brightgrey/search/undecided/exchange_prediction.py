@@ -40,11 +40,14 @@ class Linearised:
 
     def beside(self, effects: Sequence[Placed], seed: int) -> list[tuple[float, FurtherEffect]]:
         """Effects that share something with what the structure leaves, with their scores, the largest first."""
-        slopes = list(self.slopes.values())
-        white = self.refined.whitening.whiten(self.residual)
-        basis = orthonormal_basis(np.column_stack(slopes)) if slopes else np.zeros((len(white), 0))
+        basis = self.basis(self.slopes)
         changes = [replace(c, changes=beyond(basis, c.changes)) for c in self.changes(effects, seed)]
-        return by_score(changes, beyond(basis, white))
+        return by_score(changes, beyond(basis, self.refined.whitening.whiten(self.residual)))
+
+    def basis(self, names: Collection[str]) -> Array:
+        """Orthonormal basis of what some parameters explain, whitened."""
+        columns = [slope for name, slope in self.slopes.items() if name in names]
+        return orthonormal_basis(np.column_stack(columns)) if columns else np.zeros((len(self.residual), 0))
 
     def without(self, gone: Placed) -> WithoutEffect:
         """The structure without an effect, where the other parameters follow as far as their derivatives say."""
@@ -54,10 +57,8 @@ class Linearised:
         base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **self.own.values}
         names = (*space.names, *space.fixed)
         residual = problem.residuals({n: np.array([base[n]]) for n in names}, task.settings)[:, 0]
-        columns = [slope for name, slope in self.slopes.items() if name in space.names]
-        white = whitening.whiten(residual)
-        basis = orthonormal_basis(np.column_stack(columns)) if columns else np.zeros((len(white), 0))
-        left = beyond(basis, white)
+        basis = self.basis(space.names)
+        left = beyond(basis, whitening.whiten(residual))
         return WithoutEffect(structure, left, basis, float(left @ left) + whitening.floor_deviance)
 
 
