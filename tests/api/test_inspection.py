@@ -46,6 +46,16 @@ def test_inspect__named_channels__gives_the_command_with_reasons(tmp_path: Path)
     assert found.questions == ()
 
 
+def test_inspect__numbered_sensors_of_one_axis__first_is_the_output_and_the_second_is_asked_for(tmp_path: Path) -> None:
+    path = write(
+        tmp_path, "t [s],torque [N m],pos1 [rad],vel1 [rad/s],pos2 [rad],vel2 [rad/s]", T, U, Q, V, 1.01 * Q, V
+    )
+    found = inspect(path)
+    assert accepted(found.command) == [str(path), "--input", "torque", "--output", "pos1:position"]
+    assert [meaning.words() for meaning in found.meanings] == ["time", "torque", *("position", "velocity") * 2]
+    assert any("--output 'pos2:position@2'" in question for question in found.questions)
+
+
 def test_inspect__no_header__finds_time_position_velocity_and_input(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     noise = rng.normal(size=N)

@@ -10,7 +10,7 @@ from brightgrey.errors import RecordingError
 from brightgrey.recordings.units.parser import Unit, is_unit, parse_unit
 from brightgrey.recordings.units.signals import kind_of
 
-__all__ = ["DRIVING", "MOTIONS", "UNITS", "Meaning", "index_of", "meaning_of", "unit_in_name"]
+__all__ = ["DRIVING", "MOTIONS", "UNITS", "Meaning", "index_of", "meaning_of", "stem_of", "unit_in_name"]
 
 DRIVING = ("torque", "force", "current", "voltage")
 MOTIONS = ("position", "velocity", "acceleration")
@@ -87,6 +87,11 @@ def unit_in_name(name: str) -> str | None:
         return None
     text = WRITTEN.get(match[1].lower(), match[1])
     return parse_unit(text).text if is_unit(text) else None
+
+
+def stem_of(name: str) -> str:
+    """Return a name without the number at its end: like sensors at several places have one stem."""
+    return name.rstrip("0123456789")
 
 
 def index_of(name: str) -> str:

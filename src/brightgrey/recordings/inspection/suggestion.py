@@ -12,7 +12,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.recordings.formats.table import TIME_NAME, Table
-from brightgrey.recordings.inspection.meaning import DRIVING, MOTIONS, UNITS, Meaning, index_of, unit_in_name
+from brightgrey.recordings.inspection.meaning import DRIVING, MOTIONS, UNITS, Meaning, index_of, stem_of, unit_in_name
 from brightgrey.recordings.inspection.profile import ChannelProfile
 from brightgrey.recordings.inspection.relations import explained_by_motion, is_even_time, on_one_time
 from brightgrey.recordings.policy import INSPECTION, READING
@@ -161,13 +161,13 @@ def suggest(channels: ReadChannels, time: TimeChoice) -> Suggestion | str:
     same = [(u, y) for u, y in pairs if index_of(name[u]) == index_of(name[y])]
     quantity = {i: channels.meanings[i].quantity for i in outputs}
     parts = {(u, y): explained_by_motion(*channels.together(u, y), quantity[y], time.dt) for u, y in same or pairs}
+    good = {pair: part for pair, part in parts.items() if part >= INSPECTION.nearly * max(parts.values())}
     # Several inputs are several axes, of which one that hardly moves says little.
-    good = [
-        pair
-        for pair, part in parts.items()
-        if part >= (INSPECTION.nearly if len(inputs) > 1 else 1.0) * max(parts.values())
-    ]
-    u, y = max(good, key=lambda pair: (round(float(np.nanstd(channels.values[pair[1]])), 12), parts[pair]))
+    moving = good if len(inputs) > 1 else [pair for pair, part in good.items() if part == max(parts.values())]
+    u, y = max(moving, key=lambda pair: (round(float(np.nanstd(channels.values[pair[1]])), 12), parts[pair]))
+    if len(inputs) == 1:  # the first sensor of one axis is nearest to its motor
+        alike = [i for _, i in good if stem_of(name[i]) == stem_of(name[y])]
+        y = min(alike, key=lambda i: (len(name[i]), name[i]))
     finer = _finer(channels, y, outputs)
     why = [_because(channels, u, "input"), _because(channels, finer, "output")]
     why.append(f"the motion explains {100 * max(parts[u, y], 0.0):.0f} % of the input's variance")
@@ -255,7 +255,7 @@ def _further_sensor(channels: ReadChannels, u: int, y: int) -> str:
     Several inputs are several axes, whose outputs have numbers, too.
     """
     own = channels.table.columns[y].name
-    number, stem = index_of(own), own.rstrip("0123456789")
+    number, stem = index_of(own), stem_of(own)
     one_axis = not any(i != u and channels.meanings[i].quantity in DRIVING for i in channels.changing())
     for i in channels.changing():
         meaning, name = channels.meanings[i], channels.table.columns[i].name
