@@ -187,7 +187,7 @@ def identify(
             bounds=task.bounds_of(chosen),
             fixed=constants,
             f_tanh=None if task.friction_width else task.settings.f_tanh,
-            start=found.values if found else start_si(chosen, start, several[0].units, constants),
+            start=found.starts if found else start_si(chosen, start, several[0].units, constants),
             starts=starts,
             patience=_PATIENCE_AFTER_SEARCH if found else _PATIENCE,
             seed=seed,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from typing import Literal
@@ -34,8 +34,8 @@ class SearchResult:
     ----------
     structure : Structure
         The best one.
-    values : mapping of str to float
-        Its estimates, SI.
+    starts : sequence of mapping of str to float
+        Its estimates, SI, at one optimum or several: the last fit starts there.
     ranking : tuple of Row
         All structures that were fitted, best first.
     criterion : CriterionPart
@@ -58,7 +58,7 @@ class SearchResult:
     """
 
     structure: Structure
-    values: Mapping[str, float]
+    starts: Sequence[Mapping[str, float]]
     ranking: tuple[Row, ...]
     criterion: CriterionPart
     search: Literal["auto", "exhaustive", "genetic"]
@@ -158,7 +158,7 @@ def search_structure(task: IdentificationTask, request: SearchRequest) -> Search
     questions = done.evidence.questions if done.evidence else None
     return SearchResult(
         structure=best.structure,
-        values=best.values,
+        starts=done.starts,
         ranking=rows,
         criterion=CriterionPart(name="BIC", value=done.ranking[0].criterion),
         search=request.how,
@@ -198,7 +198,7 @@ def _genetic(task: IdentificationTask, settings: GeneticSettings, request: Searc
         raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
     return SearchResult(
         structure=best.job.structure,
-        values=dict(best.result.values),
+        starts=[dict(best.result.values)],
         ranking=_rank_evaluations(done, task),
         criterion=CriterionPart(name=settings.criterion, value=best.value),
         search="genetic",

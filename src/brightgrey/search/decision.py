@@ -78,6 +78,12 @@ class Decision:
         """The first structure; the one with the best criterion if there is no evidence."""
         return self.evidence.first if self.evidence else self.fitted[self.ranking[0].structure]
 
+    @property
+    def starts(self) -> list[Mapping[str, float]]:
+        """Values of the best structure, SI: its whitened optimum, and the plain one, which may lie elsewhere."""
+        plain = self.fitted.get(self.best.structure)
+        return [self.best.values, *([plain.values] if plain else [])]
+
 
 def decide_structures(
     task: IdentificationTask,
@@ -377,9 +383,9 @@ def _ranking(search: BorderSearch, task: IdentificationTask, evidence: Evidence 
         own = f.equals or s  # the values of redundant effects would spoil the misfit
         refined = evidence.refined.get(own) if evidence else None
         shown[s] = own, refined
-        calls.append((task, own, dict(refined.values if refined else fitted[own].values)))
+        calls.append((own, dict(refined.values if refined else fitted[own].values)))
     # a search that was stopped has an executor that takes no more calls
-    found = in_order(search.executor, misfit_of, calls) if evidence else (misfit_of(*call) for call in calls)
+    found = in_order(search.executor, task.misfit, calls) if evidence else (task.misfit(*call) for call in calls)
     misfits = dict(zip(fitted, found, strict=True))
     ranked = []
     for s, f in fitted.items():
@@ -391,10 +397,3 @@ def _ranking(search: BorderSearch, task: IdentificationTask, evidence: Evidence 
     place = {s: i for i, s in enumerate(front)}
     ranked.sort(key=lambda r: (place.get(r.structure, len(place)), r.criterion, str(r.structure)))
     return tuple(ranked)
-
-
-def misfit_of(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> Misfit:
-    """Misfit of a structure with its values, at the level of the search."""
-    nuisances = [part.name for part in task.problem(structure).nuisances]
-    names = (*structure.parameters, *(n for n in nuisances if n in values))
-    return task.misfits(structure, {n: np.array([values[n]]) for n in names})[0]

@@ -156,6 +156,11 @@ class IdentificationTask:
         samples = sum(r.samples for r in self.recordings)
         return [Misfit(tuple(column), floor, samples, about) for column in rss.T.tolist()]
 
+    def misfit(self, structure: Structure, values: Mapping[str, float]) -> Misfit:
+        """Misfit of one parameter set; what `values`, SI, hold beside parameters and nuisances of the task is left."""
+        names = (*structure.parameters, *(part.name for part in self.problem(structure).nuisances))
+        return self.misfits(structure, {n: np.array([values[n]]) for n in names if n in values})[0]
+
     def arrays(self, space: ParameterSpace, values: Array) -> dict[str, Array]:
         """Parameter sets by name; `values`, shape (P, K), SI, holds the free ones."""
         count = values.shape[1]

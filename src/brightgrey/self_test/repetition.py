@@ -133,7 +133,7 @@ def _identified(
     task = _task_on(request.task, recordings)
     verdicts: dict[str, str] = {}
     minimal: tuple[Structure, ...] = (structure,)
-    start = request.optima[structure] if request.optima else None
+    starts: Sequence[Mapping[str, float]] = [request.optima[structure]] if request.optima else []
     if request.grammar is not None:
         decision = decide_structures(
             task,
@@ -151,13 +151,13 @@ def _identified(
             raise Stopped
         verdicts = {card.effect: card.verdict for card in decision.evidence.cards}
         minimal = tuple(refined.structure for refined in decision.evidence.minimal)
-        structure, start = decision.best.structure, decision.best.values
+        structure, starts = decision.best.structure, decision.starts
     if stopped():
         raise Stopped
-    if request.optima is not None and start is not None and request.grammar is not None:
-        estimates = _estimates_at(task, structure, start)
+    if request.optima is not None and request.grammar is not None:
+        estimates = _estimates_at(task, structure, starts[0])
     else:
-        estimates = _final_estimates(request, task, structure, start)
+        estimates = _final_estimates(request, task, structure, starts)
     return Repetition(
         str(structure),
         tuple(map(str, minimal)),
@@ -182,7 +182,7 @@ def _task_on(task: IdentificationTask, recordings: tuple[Recording, ...]) -> Ide
 
 
 def _final_estimates(
-    request: Request, task: IdentificationTask, structure: Structure, start: Mapping[str, float] | None
+    request: Request, task: IdentificationTask, structure: Structure, starts: Sequence[Mapping[str, float]]
 ) -> Mapping[str, Estimate]:
     """Estimates by the fit that ends an identification."""
     fit = estimation.fit(
@@ -191,8 +191,8 @@ def _final_estimates(
         bounds=task.bounds_of(structure),
         fixed=task.fixed_of(structure),
         f_tanh=None if task.friction_width else task.settings.f_tanh,
-        start=start,
-        patience=POLICY.patience_beside_optimum if start else POLICY.patience,
+        start=starts,
+        patience=POLICY.patience_beside_optimum if starts else POLICY.patience,
         seed=request.seed,
         level=request.level,
         initial=request.initial,

@@ -261,7 +261,7 @@ class LatticeEvaluator:
         task = self._accurate if within_error else self.fits.task
         own = self._polished(fitted) if within_error else replace(fitted, spent=SimulationCount())
         spent = own.spent + task.problem(fitted.structure).count(1)
-        return replace(own, spent=spent), self._misfit(task, own)
+        return replace(own, spent=spent), task.misfit(own.structure, own.values)
 
     def _within_error(self, fitted: StructureFit) -> bool:
         """True if a fit's cost is no more than the error of the search's simulation."""
@@ -282,9 +282,3 @@ class LatticeEvaluator:
         values = {**fitted.values, **dict(zip(space.names, end.values.tolist(), strict=True))}
         spent = self._accurate.problem(fitted.structure).count(end.simulations)
         return replace(fitted, values=values, cost=end.cost, spent=spent, information=None)
-
-    def _misfit(self, task: IdentificationTask, fitted: StructureFit) -> Misfit:
-        space = task.space(fitted.structure, nuisances=True)
-        names = (*fitted.structure.parameters, *(n for n in space.names if n not in fitted.structure.parameters))
-        (misfit,) = task.misfits(fitted.structure, {name: np.array([fitted.values[name]]) for name in names})
-        return misfit

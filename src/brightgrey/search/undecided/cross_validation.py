@@ -35,9 +35,8 @@ def predict_left_out(task: IdentificationTask, structure: Structure, values: Map
         start = [values.get(n, v) for n, v in zip(space.names, space.start, strict=True)]
         end = polish(problem, space, others.settings, np.clip(start, space.low, space.high), tolerance=1e-4)
         found = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-        own = {n: np.array([v]) for n, v in found.items() if n in structure.parameters or n == FRICTION_WIDTH}
-        (misfit,) = replace(task, recordings=(recording,)).misfits(structure, own)
-        fits.append(misfit.fit_percent)
+        own = {n: v for n, v in found.items() if n in structure.parameters or n == FRICTION_WIDTH}
+        fits.append(replace(task, recordings=(recording,)).misfit(structure, own).fit_percent)
     return tuple(fits)
 
 
