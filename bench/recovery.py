@@ -152,8 +152,8 @@ def row(
     if problem.friction_width is not None:
         width = problem.friction_width
         exact[width.name] = np.clip([1.0 / drive.f_tanh], width.low if np.isfinite(drive.f_tanh) else 0.0, width.high)
-    inside = [m for m in found.refined if contains(truth, m)]
-    best = min(r.deviance for r in found.refined.values())
+    inside = min((r.deviance for m, r in found.refined.items() if contains(truth, m)), default=np.inf)
+    ahead = {n: [r.deviance for m, r in found.refined.items() if m.masses <= n] for n in range(truth.masses, 5)}
     return {
         "code": code_version(),
         "seed": drive.seed,
@@ -167,7 +167,8 @@ def row(
         "values": drive.values,
         "fits": len(decision.fitted),
         "reached": fits.done[truth].cost / max(float(problem.costs(exact, task.settings)[0]), 1e-300),
-        "excess": min((found.refined[s].deviance for s in inside), default=np.inf) - best,
+        "excess": inside - min(r.deviance for r in found.refined.values()),
+        "excess_by_masses": {n: inside - min(deviances, default=np.inf) for n, deviances in ahead.items()},
         "minimal": [str(s) for s in structures],
         "estimates": dict(found.minimal[0].values),
         "sensors": list(drive.sensors),

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from brightgrey.kit import PAPER
 from brightgrey.search.adequacy import Deviance, Round
 from brightgrey.search.border import assess, inclusion_minimal, largest_avoiding
+from brightgrey.search.fitting.anchors import largest_by_masses
 from brightgrey.search.lattice import Lattice
 
 WHOLE = Lattice.of(PAPER)
@@ -20,13 +21,13 @@ def mask(text, lattice=SMALL):
 
 
 def circumstances(lattice=SMALL, floor=ALWAYS):
-    return Round(lattice, 1, 1 + lattice.everything.bit_count(), floor)
+    return Round(lattice, 1, {s.masses: 1 + lattice.mask(s).bit_count() for s in largest_by_masses(lattice)}, floor)
 
 
 def table(costs, lattice=SMALL):
     """Deviances by names of structures, one parameter for each atom."""
     masks = {mask(text, lattice): cost for text, cost in costs.items()}
-    return {m: Deviance(cost, 1 + m.bit_count()) for m, cost in masks.items()}
+    return {m: Deviance(cost, 1 + m.bit_count(), lattice.structure(m).masses) for m, cost in masks.items()}
 
 
 TOP = "two_mass+coulomb+viscous+gravity+backlash+delay"
@@ -99,15 +100,16 @@ def falling(draw, lattices=LATTICES):
     sets = [(sum(chosen), gain) for chosen, gain in parts]
 
     def deviance(m):
-        return Deviance(1000.0 + sum(gain for chosen, gain in sets if not m & chosen), 1 + m.bit_count())
+        value = 1000.0 + sum(gain for chosen, gain in sets if not m & chosen)
+        return Deviance(value, 1 + m.bit_count(), lattice.structure(m).masses)
 
     return lattice, deviance
 
 
 def by_force(lattice, deviance, known):
     """Masks of all adequate structures: those that contain one that is not rejected."""
-    least = deviance(lattice.everything).value
-    fits = [m for m in lattice.masks() if deviance(m).value - least <= known.threshold(deviance(m), least)]
+    least = known.least([deviance(m) for m in lattice.masks()])
+    fits = [m for m in lattice.masks() if deviance(m).value <= known.limit(deviance(m), least)]
     return {m for m in lattice.masks() if any(not n & ~m for n in fits)}
 
 

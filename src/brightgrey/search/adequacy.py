@@ -7,6 +7,7 @@ parameters that the largest has beyond the true one.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from brightgrey.numerics.distributions import chi2
@@ -22,6 +23,7 @@ class Deviance:
 
     value: float  #: Whitened sum of squared residuals, noise of variance 1.
     free: int  #: Number of estimated parameters.
+    masses: int
 
 
 def material_growth(*, model_error: bool, policy: SelectionPolicy = SELECTION) -> float:
@@ -40,7 +42,7 @@ class Round:
 
     lattice: Lattice
     least_free: int  #: Number of estimated parameters of the smallest structure.
-    most_free: int  #: Of the largest one.
+    most_free: Mapping[int, int]  #: The same of the largest structure with so many masses, by masses.
     error_floor: float  #: Deviance that errors of simulation and sensor may cause.
     model_error: bool = False  #: The residual of the best structure follows a pattern that nothing explains.
     policy: SelectionPolicy = SELECTION
@@ -50,16 +52,68 @@ class Round:
         """See :func:`material_growth`."""
         return material_growth(model_error=self.model_error, policy=self.policy)
 
-    def threshold(self, deviance: Deviance, least: float) -> float:
-        """Largest excess over the `least` deviance with which a structure is adequate.
+    def chance(self, parameters: int, masses: int = 0, *, among: int = 1) -> float:
+        """Deviance that further parameters gain by chance.
 
-        Calibration (bench/recovery.py): no surcharge for missing masses and gaps is called for, although a resonance
-        may lie anywhere, because nobody looks everywhere for the optimum of the largest structure.
+        Parameters
+        ----------
+        parameters : int
+            At least one counts.
+        masses : int
+            Further masses that bring some of the parameters. The resonance of each may lie anywhere, and the best fit
+            has it where it explains most of the noise. So Wilks's theorem holds at one frequency only, and the level is
+            shared among `SelectionPolicy.resonances` of them (Bonferroni; Davies 1977, doi:10.1093/biomet/64.2.247).
+        among : int
+            Number of effects that were tried, of which the best is taken; at least one counts.
         """
-        more = max(self.most_free - deviance.free, 1)
-        chance = float(chi2.isf(self.policy.false_alarm_level, more))
-        return max(chance, self.material_growth * least, self.error_floor)
+        return self._quantile(parameters, max(among, 1) * self.policy.resonances**masses)
+
+    def chance_beyond(self, free: int, masses: int, most_masses: int) -> float:
+        """Deviance that the largest structure with so many masses at most gains by chance over a structure.
+
+        Each structure has one test for each number of masses that is no smaller than its own. Together they have the
+        false alarm level: a further mass has a share that is smaller by the number of frequencies (weighted Bonferroni
+        tests; Genovese, Roeder and Wasserman 2006, doi:10.1093/biomet/93.3.509).
+
+        Parameters
+        ----------
+        free, masses : int
+            Estimated parameters and masses of the structure.
+        most_masses : int
+            Of the largest structure.
+        """
+        weights = {n: float(self.policy.resonances) ** (masses - n) for n in self.most_free if n >= masses}
+        return self._quantile(self.most_free[most_masses] - free, sum(weights.values()) / weights[most_masses])
+
+    def least(self, table: Collection[Deviance]) -> dict[int, float]:
+        """Least deviance of the structures with so many masses at most, by masses."""
+        found = {n: [d.value for d in table if d.masses <= n] for n in self.most_free}
+        return {n: min(values) for n, values in found.items() if values}
+
+    def limit(self, deviance: Deviance, least: Mapping[int, float]) -> float:
+        """Largest deviance with which a structure is adequate.
+
+        It has to keep up with the best structure of each number of masses that is no smaller than its own. What
+        friction explains shows best among structures with as many masses: the largest has few parameters more.
+
+        Parameters
+        ----------
+        deviance : Deviance
+            Of the structure.
+        least : mapping of int to float
+            Least deviances, see :meth:`least`.
+        """
+        own = min(deviance.masses, max(least))
+        ahead = {n: value for n, value in least.items() if n >= own}
+        return min(v + self._allowed(self.chance_beyond(deviance.free, own, n), v) for n, v in ahead.items())
 
     def largest_threshold(self, least: float) -> float:
-        """Threshold of the smallest structure: one fit that leaves more refutes everything within it."""
-        return self.threshold(Deviance(least, self.least_free), least)
+        """Excess of the smallest structure at its limit: one fit that leaves more refutes everything within it."""
+        masses = self.lattice.structure(self.lattice.required).masses
+        return self._allowed(self.chance_beyond(self.least_free, masses, max(self.most_free)), least)
+
+    def _allowed(self, chance: float, least: float) -> float:
+        return max(chance, self.material_growth * least, self.error_floor)
+
+    def _quantile(self, parameters: int, tests: float) -> float:
+        return float(chi2.isf(self.policy.false_alarm_level / tests, max(parameters, 1)))

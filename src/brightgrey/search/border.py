@@ -59,7 +59,8 @@ def assess(table: Mapping[int, Deviance], circumstances: Round) -> Border:
     best = min(table, key=lambda m: (table[m].value, table[m].free, m))
     least = table[best].value
     reached = {m: min(d.value for n, d in table.items() if not n & ~m) - least for m in table}
-    limits = {m: circumstances.threshold(d, least) for m, d in table.items()}
+    ahead = circumstances.least(table.values())
+    limits = {m: circumstances.limit(d, ahead) - least for m, d in table.items()}
     minimal = inclusion_minimal(m for m in table if reached[m] <= limits[m])
     adequate = frozenset(m for m in table if any(not small & ~m for small in minimal))
     refuted, undecided = [], []

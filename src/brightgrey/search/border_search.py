@@ -12,16 +12,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from brightgrey.arrays import positive
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Structure
 from brightgrey.search.adequacy import Deviance, Round, material_growth
 from brightgrey.search.border import Border, Refutation, assess, joint, shrunk
-from brightgrey.search.fitting.anchors import beside_masses, hard_limits, linear_beside_masses, mass_masks
+from brightgrey.search.criteria import bic
+from brightgrey.search.fitting.anchors import hard_limits, largest_by_masses, linear_beside_masses, mass_masks
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
 from brightgrey.search.fitting.structure_fit import StructureFit
-from brightgrey.search.further.offers import OfferingSearch
+from brightgrey.search.further.offers import OfferingSearch, effective_samples_of
 from brightgrey.search.model_error import calls_for_mass
 from brightgrey.search.policy import BORDER, REFIT, BorderPolicy
 
@@ -138,8 +140,7 @@ class BorderSearch(OfferingSearch):
         make the cost rugged together. Beside linear effects a multistart finds the limit more often, in a third of the
         time, and the others begin there.
         """
-        for masses in mass_masks(self.lattice):
-            top = self.lattice.structure(self.lattice.within(beside_masses(self.lattice) | masses))
+        for masses, top in zip(mass_masks(self.lattice), largest_by_masses(self.lattice), strict=True):
             if top.has_hard_limit and top not in self.fits.done:
                 first = not any(s.has_hard_limit for s in self.fits.done)
                 self.tops.add(top)
@@ -222,18 +223,17 @@ class BorderSearch(OfferingSearch):
     def leaders(self) -> list[Structure]:
         """Structures that lead by BIC: without a hard limit, and with one if that takes off a good part of the cost.
 
-        Without one it has to be worth a restart: it must not be far behind.
+        Without one it has to be worth a restart: it must not be far behind. Independent samples count, since masses
+        explain much of coloured noise.
         """
-        n = sum(r.y.size for r in self.fits.task.recordings)
+        n = max(effective_samples_of(self.task, self.fits.best()), 2.0)
         best: dict[bool, StructureFit] = {}
-        for f in sorted(
-            (f for f in self.fits.done.values() if not f.redundant_effects),
-            key=lambda f: n * np.log(max(f.cost, 1e-300)) + f.free * np.log(n),
-        ):
+        fits = (f for f in self.fits.done.values() if not f.redundant_effects)
+        for f in sorted(fits, key=lambda f: bic(positive(f.cost), n, f.free)):
             best.setdefault(f.structure.has_hard_limit, f)
-        if False not in best or True not in best:  # every structure may be required to have a gap
+        without, limited = best.get(False), best.get(True)
+        if without is None or limited is None:  # every structure may be required to have a gap
             return [f.structure for f in best.values()]
-        without, limited = best[False], best[True]
         if limited.cost >= REFIT.clear_gain * without.cost:
             return [without.structure]
         far = without.cost > self.fits.cutoff_cost()
@@ -242,20 +242,20 @@ class BorderSearch(OfferingSearch):
     def deviances(self) -> dict[int, Deviance]:
         """Table of the fits in this round."""
         refined = self.refined.all(self.round.largest_threshold)
-        table = {self.lattice.mask(s): Deviance(r.deviance, r.free) for s, r in refined.items()}
-        for f in self.fits.done.values():  # redundant effects add parameters and leave the deviance
-            if f.equals is not None and f.structure not in refined:
-                table[self.lattice.mask(f.structure)] = Deviance(table[self.lattice.mask(f.equals)].value, f.free)
+        table = {self.lattice.mask(s): Deviance(r.deviance, r.free, s.masses) for s, r in refined.items()}
+        for s, f in self.fits.done.items():  # redundant effects add parameters and leave the deviance
+            if f.equals is not None and s not in refined:
+                table[self.lattice.mask(s)] = Deviance(refined[f.equals].deviance, f.free, s.masses)
         return table
 
     @property
     def round(self) -> Round:
         """Circumstances that all structures of this round share."""
         whitening = self.refined.whitening
-        least, largest = (self.lattice.structure(m) for m in (self.lattice.required, self.lattice.everything))
-        free = [len(self.task.space(s, nuisances=True).names) for s in (least, largest)]
+        least, largest = self.lattice.structure(self.lattice.required), largest_by_masses(self.lattice)
+        free = {s: len(self.task.space(s, nuisances=True).names) for s in (least, *largest)}
         floor = min(whitening.floor_deviance, float(whitening.samples))
-        return Round(self.lattice, free[0], free[1], floor, self.has_model_error())
+        return Round(self.lattice, free[least], {s.masses: free[s] for s in largest}, floor, self.has_model_error())
 
     def decide(self) -> Border:
         """Fit what the decision rests on until nothing is wanted, or to the budget and until nothing can be removed."""

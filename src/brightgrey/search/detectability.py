@@ -11,7 +11,7 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.effects import INERTIA
 from brightgrey.kit import Placed, Structure
-from brightgrey.numerics.distributions import chi2, ncx2
+from brightgrey.numerics.distributions import ncx2
 from brightgrey.search.adequacy import Round
 from brightgrey.search.fitting.fixed_size_fit import fit_at_fixed_size
 from brightgrey.search.fitting.refined_fit import RefinedFits, accurate, refine
@@ -89,20 +89,15 @@ class Detectability:
         big = lattice.within(mask | bit) & lattice.everything
         return lattice.structure(big) if big & bit else None
 
-    @staticmethod
-    def chance(parameters: int, among: int = 1) -> float:
-        """Deviance that so many further parameters gain by chance, the best `among` some."""
-        return float(chi2.isf(SELECTION.false_alarm_level / among, max(parameters, 1)))
-
     def critical(self, structure: Structure, big: Structure) -> float:
         """Deviance by which `big` has to be better than `structure` to be called for."""
         free = [len(self.refined.task.space(s, nuisances=True).names) for s in (structure, big)]
-        return self.threshold(structure, free[1] - free[0])
+        return self.threshold(structure, free[1] - free[0], big.masses - structure.masses)
 
-    def threshold(self, structure: Structure, parameters: int, among: int = 1) -> float:
-        """Deviance by which the best `among` some fits with further parameters has to be better than `structure`."""
+    def threshold(self, structure: Structure, parameters: int, masses: int = 0, *, among: int = 1) -> float:
+        """Deviance by which a fit with more has to be better than `structure`; see :meth:`.Round.chance`."""
         material = self.circumstances.material_growth * self.refined.of(structure).deviance
-        return max(self.chance(parameters, among), material, self.circumstances.error_floor)
+        return max(self.circumstances.chance(parameters, masses, among=among), material, self.circumstances.error_floor)
 
     def gain(self, structure: Structure, effect: str) -> float:
         """Part of the whitened residual's RMS that `effect` explains beside `structure`."""
@@ -118,7 +113,8 @@ class Detectability:
         if big is None:
             return False
         small, large = self.refined.of(structure), self.refined.of(big)
-        return small.deviance - large.deviance > self.chance(large.free - small.free)
+        chance = self.circumstances.chance(large.free - small.free, big.masses - structure.masses)
+        return small.deviance - large.deviance > chance
 
     def refutation(self, structure: Structure, effect: str) -> Obstacle | Callable[[], bool]:
         """Test if the recordings refute `effect` at the least size that matters, beside `structure`.
@@ -241,7 +237,7 @@ class Detectability:
 
     def _no_worse_than(self, structure: Structure) -> float:
         """Deviance up to which a fit is no worse than that of `structure`."""
-        return self.refined.of(structure).deviance + max(self.chance(1), self.circumstances.error_floor)
+        return self.refined.of(structure).deviance + max(self.circumstances.chance(1), self.circumstances.error_floor)
 
     def _is_detectable(self, structure: Structure, big: Structure, jacobian: Array, change: Array) -> bool:
         """Return True if a change of the residuals would be detected, as far as the Jacobian does not explain it."""

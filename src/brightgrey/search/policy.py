@@ -27,6 +27,8 @@ class SelectionPolicy:
     """Statistical levels and material sizes by which structures are compared."""
 
     false_alarm_level: float = 0.02  #: Probability of calling for an effect that is not there.
+    #: Frequencies at which a further mass may explain noise independently.
+    resonances: int = 20
     #: Ratio of sums of squares below which a difference does not matter, however significant it is.
     min_rss_ratio: float = 1.005
     min_power: float = 0.8  #: Power of the likelihood-ratio test from which a recording is said to show an effect.

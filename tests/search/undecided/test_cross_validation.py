@@ -48,7 +48,7 @@ def extended(task, *, model_error, is_known=lambda structure: True):
     with ThreadPoolExecutor(1) as workers:
         search = BorderSearch(task, Lattice.of(PAPER.whole), workers)
         search.fits.add([FIRST], workers)
-        circumstances = Round(search.lattice, 2, 20, 0.0, model_error)
+        circumstances = Round(search.lattice, 2, {4: 20}, 0.0, model_error)
         detectability = Detectability(search.refined, circumstances, workers)
         predictions = LeftOutRecordings(search.fits, workers)
         return extended_by_prediction(detectability, predictions, FIRST, OPTIONAL, is_known), predictions, search.fits

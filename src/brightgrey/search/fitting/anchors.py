@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.lattice import Lattice, mass_chain_of
 
-__all__ = ["anchors", "beside_masses", "default_anchors", "hard_limits", "linear_beside_masses", "mass_masks"]
+__all__ = ["anchors", "default_anchors", "hard_limits", "largest_by_masses", "linear_beside_masses", "mass_masks"]
 
 
 def anchors(lattice: Lattice) -> list[Structure]:
@@ -33,6 +33,12 @@ def mass_masks(lattice: Lattice) -> list[int]:
     bits = [1 << i for i, p in enumerate(lattice.atoms) if p.effect.masses and lattice.everything >> i & 1]
     least = lattice.required & sum(bits)
     return [least | sum(bits[:n]) for n in range(len(bits) + 1) if not least & ~sum(bits[:n])]
+
+
+def largest_by_masses(lattice: Lattice) -> list[Structure]:
+    """Largest structures with each number of masses, fewest first."""
+    beside = beside_masses(lattice)
+    return [lattice.structure(lattice.within(beside | masses)) for masses in mass_masks(lattice)]
 
 
 def beside_masses(lattice: Lattice) -> int:

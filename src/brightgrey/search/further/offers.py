@@ -37,7 +37,7 @@ from brightgrey.search.model_error import optimum_of, signs_of_model_error
 from brightgrey.search.policy import FURTHER, REFIT, SELECTION
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["OfferingSearch"]
+__all__ = ["OfferingSearch", "effective_samples_of"]
 
 
 @dataclass

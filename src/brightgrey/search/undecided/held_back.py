@@ -196,10 +196,10 @@ class _Beside:
         gain = 1.0 - float(np.sqrt(max(1.0 - explained / deviance, 0.0)))
         if gain > SELECTION.notable_gain:
             return False, Reason("gain below threshold", {"gain": 100.0 * gain})
-        if explained > self.detectability.chance(self.parameters(placed)):
+        if explained > self.detectability.circumstances.chance(self.parameters(placed)):
             return False, Reason("small gain")
         signs = (1.0, -1.0)[: len(sizes)]
-        enough = max(self.detectability.chance(1), self.detectability.circumstances.error_floor)
+        enough = max(self.detectability.circumstances.chance(1), self.detectability.circumstances.error_floor)
         if not all(length + 2.0 * sign * along > enough for sign in signs):
             return False, Reason("fits with fixed size", size=size)
         return True, Reason("refuted at first order", {"gain": 100.0 * gain}, size=size)

@@ -189,7 +189,7 @@ class _HeldSize:
         The multiple is doubled from 1, within the bounds of the effect. Each comes with the fit of all else.
         """
         d, found = self.detectability, [(1.0, self.fitted(1.0, {}).values)]
-        worst = d.refined.of(self.structure).deviance + max(d.chance(1), d.circumstances.error_floor)
+        worst = d.refined.of(self.structure).deviance + max(d.circumstances.chance(1), d.circumstances.error_floor)
         task, sizes = d.refined.task, _sizes_of(effect)
         while sizes:
             multiple = 2.0 * found[-1][0]
@@ -221,8 +221,8 @@ def _question_of(
 ) -> Question:
     d = largest.detectability
     known, gradient, deviance = _known_of(d, rival, change)
-    # to be refuted, the rival has to exceed what all effects of the function set explain by chance
-    more = max(d.circumstances.most_free - d.refined.of(rival).free, 1)
+    # to be refuted, the rival has to exceed what the largest structure with as many masses explains by chance
+    free, masses = d.refined.of(rival).free, max(truth.masses, rival.masses)
     own = of_the_drive(truth, values)
     return Question(
         effects,
@@ -232,8 +232,8 @@ def _question_of(
         known,
         tuple(gradient.tolist()),
         deviance,
-        more,
-        d.chance(more),
+        max(d.circumstances.most_free[masses] - free, 1),
+        d.circumstances.chance_beyond(free, rival.masses, masses),
         largest=tuple(largest.of(truth, rival, change)),
     )
 

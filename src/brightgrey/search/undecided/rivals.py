@@ -128,7 +128,7 @@ def rival_to_offer(
     """
     own = min(detectability.refined.of_all(found), key=lambda r: r.deviance)
     best = min(rivals, key=lambda r: r.deviance, default=own)
-    if best.deviance < own.deviance - detectability.threshold(own.structure, best.free - own.free, max(among, 1)):
+    if best.deviance < own.deviance - detectability.threshold(own.structure, best.free - own.free, among=among):
         return best
     fewer = [r for r in rivals if r.structure.masses < min(s.masses for s in found)]
     samples = detectability.refined.whitening.samples
@@ -184,12 +184,6 @@ class _Exchange:
         rivals = [end for end in self.ends(beyond) if self.is_adequate(end)]
         self.minimal.extend(r.structure for r in rivals)
         return rivals
-
-    @property
-    def least(self) -> float:
-        """The least deviance of the lattice."""
-        refined = self.detectability.refined.all(self.detectability.circumstances.largest_threshold)
-        return min(r.deviance for r in refined.values())
 
     def of(self, own: Refined) -> list[Refined]:
         """Adequate fits with an effect of a structure exchanged, which lack what they can."""
@@ -368,13 +362,16 @@ class _Exchange:
             self.fitted[end.structure] = min(known, end, key=lambda r: r.deviance)
         return [self.fitted[s] for s, _ in starts]
 
-    def limit(self, free: int) -> float:
-        """Largest deviance with which a structure of so many parameters is adequate."""
-        return self.least + self.detectability.circumstances.threshold(Deviance(self.least, free), self.least)
+    def limit(self, end: Refined) -> float:
+        """Largest deviance with which a structure is adequate that has as many parameters and masses as a fit."""
+        d = self.detectability
+        table = d.refined.all(d.circumstances.largest_threshold).values()
+        own, *known = (Deviance(r.deviance, r.free, r.structure.masses) for r in (end, *table))
+        return d.circumstances.limit(own, d.circumstances.least(known))
 
     def is_adequate(self, end: Refined) -> bool:
         """True for a structure that would be adequate if it were in the lattice."""
-        return end.deviance <= self.limit(end.free)
+        return end.deviance <= self.limit(end)
 
     def is_worth_a_fit(self, structure: Structure, values: Mapping[str, float]) -> bool:
         """True for a structure that has not been fitted, or is better at some values than after an inadequate fit."""
@@ -391,7 +388,7 @@ class _Exchange:
 
     def far(self, own: Refined) -> float:
         """Predicted deviance above which an exchange is not worth a fit."""
-        return self.limit(own.free) + BORDER.far * self.detectability.chance(1)
+        return self.limit(own) + BORDER.far * self.detectability.circumstances.chance(1)
 
 
 def _parameter_count(placed: Iterable[Placed]) -> int:
