@@ -24,7 +24,7 @@ def test_sentences__refuted_structure__says_what_is_missing_and_how_sure_it_is()
     first, last = certificate(refuted("viscous")).sentences()
     assert first == (
         "Without viscous friction the residual is 3.4 times as large, whatever else is allowed. (Whitened sum of"
-        " squares: 812 above the least one, of which chance explains 13.4; 3 independent starts agree.)"
+        " squares: 812 above the least one, where 13.4 are allowed; 3 independent starts agree.)"
     )
     assert last == ("31 fits decide all 1,448 structures of the function set 'paper', conditional on these optima.")
 

@@ -1,8 +1,9 @@
-"""Adequacy of a structure: the whitened cost that it leaves beyond the best one, and the most that chance explains.
+"""Adequacy of a structure: the whitened cost that it leaves beyond the best ones, and the most that chance explains.
 
 The *deviance* of a structure is its whitened sum of squared residuals, noise of variance 1. By Wilks's theorem the
-deviance of the true structure is above that of the largest by a chi-squared variable. Its degrees of freedom are the
-parameters that the largest has beyond the true one.
+deviance of the true structure is above that of a larger one by a chi-squared variable. Its degrees of freedom are the
+parameters that the larger one has beyond the true one. A structure is compared with the largest of each number of
+masses, since what friction explains shows best among structures with as many.
 """
 
 from __future__ import annotations
@@ -69,11 +70,11 @@ class Round:
         return self._quantile(parameters, max(among, 1) * self.policy.resonances**masses)
 
     def chance_beyond(self, free: int, masses: int, most_masses: int) -> float:
-        """Deviance that the largest structure with so many masses at most gains by chance over a structure.
+        """Deviance that the largest structure with so many masses gains by chance over a structure.
 
-        Each structure has one test for each number of masses that is no smaller than its own. Together they have the
-        false alarm level: a further mass has a share that is smaller by the number of frequencies (weighted Bonferroni
-        tests; Genovese, Roeder and Wasserman 2006, doi:10.1093/biomet/93.3.509).
+        A structure has one test for each number of masses that is no smaller than its own. They share the false alarm
+        level: each further mass has half as much (weighted Bonferroni tests; Genovese, Roeder and Wasserman 2006,
+        doi:10.1093/biomet/93.3.509). What it has is shared among the frequencies again, see :meth:`chance`.
 
         Parameters
         ----------
@@ -82,8 +83,9 @@ class Round:
         most_masses : int
             Of the largest structure.
         """
-        weights = {n: float(self.policy.resonances) ** (masses - n) for n in self.most_free if n >= masses}
-        return self._quantile(self.most_free[most_masses] - free, sum(weights.values()) / weights[most_masses])
+        shares = {n: 0.5 ** (n - masses) for n in self.most_free if n >= min(masses, most_masses)}
+        tests = sum(shares.values()) / shares[most_masses] * self.policy.resonances ** max(most_masses - masses, 0)
+        return self._quantile(self.most_free[most_masses] - free, tests)
 
     def least(self, table: Collection[Deviance]) -> dict[int, float]:
         """Least deviance of the structures with so many masses at most, by masses."""
@@ -107,10 +109,12 @@ class Round:
         ahead = {n: value for n, value in least.items() if n >= own}
         return min(v + self._allowed(self.chance_beyond(deviance.free, own, n), v) for n, v in ahead.items())
 
-    def largest_threshold(self, least: float) -> float:
-        """Excess of the smallest structure at its limit: one fit that leaves more refutes everything within it."""
-        masses = self.lattice.structure(self.lattice.required).masses
-        return self._allowed(self.chance_beyond(self.least_free, masses, max(self.most_free)), least)
+    def threshold_of_one_test(self, least: float) -> float:
+        """Excess that the smallest structure may have if it is compared with the largest one alone.
+
+        An excess of several times as much refutes any structure, and everything within it.
+        """
+        return self._allowed(self.chance(max(self.most_free.values()) - self.least_free), least)
 
     def _allowed(self, chance: float, least: float) -> float:
         return max(chance, self.material_growth * least, self.error_floor)

@@ -241,7 +241,7 @@ class BorderSearch(OfferingSearch):
 
     def deviances(self) -> dict[int, Deviance]:
         """Table of the fits in this round."""
-        refined = self.refined.all(self.round.largest_threshold)
+        refined = self.refined.all(self.round.threshold_of_one_test)
         table = {self.lattice.mask(s): Deviance(r.deviance, r.free, s.masses) for s, r in refined.items()}
         for s, f in self.fits.done.items():  # redundant effects add parameters and leave the deviance
             if f.equals is not None and s not in refined:

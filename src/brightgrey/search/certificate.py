@@ -20,7 +20,7 @@ class RefutedStructure:
     structure: str
     ratio: float  #: Its residual's RMS over that of the best structure.
     excess: float  #: Its deviance beyond the least one.
-    threshold: float  #: The most that chance explains.
+    threshold: float  #: Excess with which it would be adequate.
     tried: str  #: The structure within it that was fitted by multistart.
     agreeing: int  #: Independent starts that have ended at the best optimum of that structure.
 
@@ -113,8 +113,8 @@ def _refutation(refuted: RefutedStructure, rivalled: bool) -> str:
     among = "whatever else of the effects offered is allowed" if rivalled else "whatever else is allowed"
     return (
         f"Without {lacking} the residual is {refuted.ratio:.3g} times as large, {among}. (Whitened sum"
-        f" of squares: {_three_digits(refuted.excess)} above the least one, of which chance explains"
-        f" {_three_digits(refuted.threshold)}; {_starts(refuted.agreeing)}.)"
+        f" of squares: {_three_digits(refuted.excess)} above the least one, where"
+        f" {_three_digits(refuted.threshold)} are allowed; {_starts(refuted.agreeing)}.)"
     )
 
 

@@ -231,7 +231,7 @@ def evidence_of(
     cards = tuple(map(partial(_with_prediction, found[0], first), cards))
     asked = [first, *(s for s in (*found[1:], *instead) if not contains(first, s))]
     leading: list[StructureFit | Refined] = [*(search.fits.done[s] for s in dict.fromkeys((first, *found))), *rivals]
-    refined = search.refined.all(circumstances.largest_threshold)
+    refined = search.refined.all(circumstances.threshold_of_one_test)
     status = {}
     for s in search.fits.done:
         mask = lattice.mask(s)
@@ -323,7 +323,7 @@ def _is_identified(search: BorderSearch, refined: Refined) -> bool:
 
 def _certificate(search: BorderSearch, border: Border, grammar: Grammar, found: Sequence[Structure]) -> Certificate:
     lattice = search.lattice
-    refined = search.refined.all(search.round.largest_threshold)
+    refined = search.refined.all(search.round.threshold_of_one_test)
     costs = {lattice.mask(s): r.cost for s, r in refined.items()}
     least = min(costs.values())
     undecided = [*border.undecided, *(m for m in border.minimal if m in search.flipped)]
@@ -383,9 +383,10 @@ def _ranking(search: BorderSearch, task: IdentificationTask, evidence: Evidence 
         own = f.equals or s  # the values of redundant effects would spoil the misfit
         refined = evidence.refined.get(own) if evidence else None
         shown[s] = own, refined
-        calls.append((own, dict(refined.values if refined else fitted[own].values)))
+        calls.append((task, own, dict(refined.values if refined else fitted[own].values)))
     # a search that was stopped has an executor that takes no more calls
-    found = in_order(search.executor, task.misfit, calls) if evidence else (task.misfit(*call) for call in calls)
+    misfit = IdentificationTask.misfit  # not that of `task`: a store knows a call by its arguments
+    found = in_order(search.executor, misfit, calls) if evidence else (misfit(*call) for call in calls)
     misfits = dict(zip(fitted, found, strict=True))
     ranked = []
     for s, f in fitted.items():

@@ -90,8 +90,10 @@ def unit_in_name(name: str) -> str | None:
 
 
 def stem_of(name: str) -> str:
-    """Return a name without the number at its end: like sensors at several places have one stem."""
-    return name.rstrip("0123456789")
+    """Return a name without its number: like sensors at several places have one stem."""
+    number = index_of(name)
+    before, _, after = name.rpartition(number) if number else (name, "", "")
+    return before + after
 
 
 def index_of(name: str) -> str:

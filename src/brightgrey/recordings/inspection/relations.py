@@ -76,14 +76,15 @@ def find_setpoints(values: Mapping[int, Array], meanings: dict[int, Meaning], na
     """Tell setpoints from actual values, among channels whose names do not say it.
 
     Two channels belong together if they are correlated and of one size; one that nothing names takes its quantity from
-    the other. The setpoint has less noise, or comes earlier. Names that differ by their number alone are those of like
-    sensors at several places, such as ``pos1`` and ``pos2``.
+    the other. The setpoint has less noise, or comes earlier. Names of motions that differ by their number alone are
+    those of like sensors at several places, such as ``pos1`` and ``pos2``.
     """
     open_ones = [i for i in values if not meanings[i].role][: INSPECTION.compared]
     means = {i: block_means(values[i], INSPECTION.points) for i in open_ones}
     for n, i in enumerate(open_ones):
         for j in open_ones[n + 1 :]:
-            if stem_of(names[i]) == stem_of(names[j]) != "":
+            named = {meanings[i].quantity, meanings[j].quantity} <= set(MOTIONS)
+            if named and stem_of(names[i]) == stem_of(names[j]):
                 continue
             if not meanings[i].role and not meanings[j].role and _belong(meanings[i], meanings[j], means[i], means[j]):
                 _tell_apart(i, j, values, meanings, names)

@@ -161,13 +161,17 @@ def suggest(channels: ReadChannels, time: TimeChoice) -> Suggestion | str:
     same = [(u, y) for u, y in pairs if index_of(name[u]) == index_of(name[y])]
     quantity = {i: channels.meanings[i].quantity for i in outputs}
     parts = {(u, y): explained_by_motion(*channels.together(u, y), quantity[y], time.dt) for u, y in same or pairs}
-    good = {pair: part for pair, part in parts.items() if part >= INSPECTION.nearly * max(parts.values())}
     # Several inputs are several axes, of which one that hardly moves says little.
-    moving = good if len(inputs) > 1 else [pair for pair, part in good.items() if part == max(parts.values())]
-    u, y = max(moving, key=lambda pair: (round(float(np.nanstd(channels.values[pair[1]])), 12), parts[pair]))
-    if len(inputs) == 1:  # the first sensor of one axis is nearest to its motor
-        alike = [i for _, i in good if stem_of(name[i]) == stem_of(name[y])]
-        y = min(alike, key=lambda i: (len(name[i]), name[i]))
+    good = [
+        pair
+        for pair, part in parts.items()
+        if part >= (INSPECTION.nearly if len(inputs) > 1 else 1.0) * max(parts.values())
+    ]
+    u, y = max(good, key=lambda pair: (round(float(np.nanstd(channels.values[pair[1]])), 12), parts[pair]))
+    if len(inputs) == 1:  # of like sensors of one axis the first is nearest to its motor
+        most_left = INSPECTION.left_alike * (1.0 - parts[u, y])
+        alike = [i for _, i in parts if stem_of(name[i]) == stem_of(name[y]) and 1.0 - parts[u, i] <= most_left]
+        y = min((y, *alike), key=lambda i: (len(name[i]), name[i]))
     finer = _finer(channels, y, outputs)
     why = [_because(channels, u, "input"), _because(channels, finer, "output")]
     why.append(f"the motion explains {100 * max(parts[u, y], 0.0):.0f} % of the input's variance")

@@ -221,13 +221,13 @@ class RefinedFits:
         """Keep a refined fit of a structure that has no place in the table, until the round ends."""
         self._beyond[refined.structure] = refined
 
-    def all(self, largest_threshold: Callable[[float], float]) -> dict[Structure, Refined]:
+    def all(self, threshold: Callable[[float], float]) -> dict[Structure, Refined]:
         """Refined fits of all structures of the table that have no redundant effects.
 
         Parameters
         ----------
-        largest_threshold : callable
-            Of the least deviance: by how much a deviance may exceed it and matter.
+        threshold : callable
+            Of the least deviance: what exceeds it by several times as much does not matter.
         """
         stale = [f for s, f in self.fits.done.items() if not f.redundant_effects and self._is_stale(f)]
         if stale and not self._refined:
@@ -235,7 +235,7 @@ class RefinedFits:
             stale = [f for f in stale if self._is_stale(f)]
         if stale:
             least = min(r.deviance for _, r in self._refined.values())
-            self._refine(stale, least + BORDER.far * largest_threshold(least))
+            self._refine(stale, least + BORDER.far * threshold(least))
         return {s: r for s, (_, r) in self._refined.items()}
 
     def of(self, structure: Structure) -> Refined:

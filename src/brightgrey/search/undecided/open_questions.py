@@ -222,7 +222,8 @@ def _question_of(
     d = largest.detectability
     known, gradient, deviance = _known_of(d, rival, change)
     # to be refuted, the rival has to exceed what the largest structure with as many masses explains by chance
-    free, masses = d.refined.of(rival).free, max(truth.masses, rival.masses)
+    most = max(d.circumstances.most_free)
+    free, masses = d.refined.of(rival).free, min(max(truth.masses, rival.masses), most)
     own = of_the_drive(truth, values)
     return Question(
         effects,

@@ -128,7 +128,8 @@ def rival_to_offer(
     """
     own = min(detectability.refined.of_all(found), key=lambda r: r.deviance)
     best = min(rivals, key=lambda r: r.deviance, default=own)
-    if best.deviance < own.deviance - detectability.threshold(own.structure, best.free - own.free, among=among):
+    more = max(best.structure.masses - own.structure.masses, 0)
+    if best.deviance < own.deviance - detectability.threshold(own.structure, best.free - own.free, more, among=among):
         return best
     fewer = [r for r in rivals if r.structure.masses < min(s.masses for s in found)]
     samples = detectability.refined.whitening.samples
@@ -365,7 +366,7 @@ class _Exchange:
     def limit(self, end: Refined) -> float:
         """Largest deviance with which a structure is adequate that has as many parameters and masses as a fit."""
         d = self.detectability
-        table = d.refined.all(d.circumstances.largest_threshold).values()
+        table = d.refined.all(d.circumstances.threshold_of_one_test).values()
         own, *known = (Deviance(r.deviance, r.free, r.structure.masses) for r in (end, *table))
         return d.circumstances.limit(own, d.circumstances.least(known))
 
