@@ -56,6 +56,11 @@ def test_inspect__numbered_sensors_of_one_axis__first_is_the_output_and_the_seco
     assert any("--output 'pos2:position@2'" in question for question in found.questions)
 
 
+def test_inspect__numbers_in_brackets__next_one_is_asked_for(tmp_path: Path) -> None:
+    path = write(tmp_path, "t [s],torque [N m],vel[1] [rad/s],vel[2] [rad/s]", T, U, V, V)
+    assert any("vel[2]" in question and "@2" in question for question in inspect(path).questions)
+
+
 def test_inspect__no_header__finds_time_position_velocity_and_input(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     noise = rng.normal(size=N)

@@ -106,8 +106,9 @@ class InspectionPolicy:
     tried: int = 40
     """Inputs, and outputs, whose pairs are compared."""
     nearly: float = 0.9
-    left_alike: float = 2.0  #: Ratio of what two sensors leave unexplained up to which the first is the output.
     """Part of the best explanation from which a pair of channels is as good."""
+    left_alike: float = 2.0
+    """Ratio of what like sensors leave unexplained up to which the first is the output."""
 
 
 INSPECTION = InspectionPolicy()

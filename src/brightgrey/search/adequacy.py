@@ -24,7 +24,7 @@ class Deviance:
 
     value: float  #: Whitened sum of squared residuals, noise of variance 1.
     free: int  #: Number of estimated parameters.
-    masses: int
+    masses: int  #: Number of masses.
 
 
 def material_growth(*, model_error: bool, policy: SelectionPolicy = SELECTION) -> float:
@@ -83,8 +83,9 @@ class Round:
         most_masses : int
             Of the largest structure.
         """
-        shares = {n: 0.5 ** (n - masses) for n in self.most_free if n >= min(masses, most_masses)}
-        tests = sum(shares.values()) / shares[most_masses] * self.policy.resonances ** max(most_masses - masses, 0)
+        further = max(most_masses - masses, 0)
+        shares = [0.5 ** (n - masses) for n in self.most_free if n >= most_masses - further]
+        tests = sum(shares) / 0.5 ** (most_masses - masses) * self.policy.resonances**further
         return self._quantile(self.most_free[most_masses] - free, tests)
 
     def least(self, table: Collection[Deviance]) -> dict[int, float]:

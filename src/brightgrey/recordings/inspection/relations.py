@@ -83,11 +83,16 @@ def find_setpoints(values: Mapping[int, Array], meanings: dict[int, Meaning], na
     means = {i: block_means(values[i], INSPECTION.points) for i in open_ones}
     for n, i in enumerate(open_ones):
         for j in open_ones[n + 1 :]:
-            named = {meanings[i].quantity, meanings[j].quantity} <= set(MOTIONS)
-            if named and stem_of(names[i]) == stem_of(names[j]):
+            if _are_numbered(i, j, meanings, names):
                 continue
             if not meanings[i].role and not meanings[j].role and _belong(meanings[i], meanings[j], means[i], means[j]):
                 _tell_apart(i, j, values, meanings, names)
+
+
+def _are_numbered(i: int, j: int, meanings: Mapping[int, Meaning], names: Mapping[int, str]) -> bool:
+    """Return True for two motions whose names differ by their number alone."""
+    motions = {meanings[i].quantity, meanings[j].quantity} <= set(MOTIONS)
+    return motions and names[i] != names[j] and stem_of(names[i]) == stem_of(names[j])
 
 
 def _belong(one: Meaning, other: Meaning, x: Array, y: Array) -> bool:

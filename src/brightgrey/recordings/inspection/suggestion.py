@@ -266,7 +266,8 @@ def _further_sensor(channels: ReadChannels, u: int, y: int) -> str:
         if i == y or meaning.quantity not in MOTIONS or meaning.role in ("setpoint", "error"):
             continue
         at_load = meaning.side == "load" and channels.meanings[y].side != "load" and index_of(name) == number
-        if at_load or (one_axis and stem and number.isdecimal() and name == f"{stem}{int(number) + 1}"):
+        is_next = bool(stem) and number.isdecimal() and (stem_of(name), index_of(name)) == (stem, f"{int(number) + 1}")
+        if at_load or (one_axis and is_next):
             reference = channels.reference(i)
             return (
                 f"if '{name}' is at the second mass of the same drive, add --output '{reference}:{meaning.quantity}@2'"
