@@ -223,14 +223,14 @@ class BorderSearch(OfferingSearch):
     def leaders(self) -> list[Structure]:
         """Structures that lead by BIC: without a hard limit, and with one if that takes off a good part of the cost.
 
-        Without one it has to be worth a restart: it must not be far behind. Independent samples count, since masses
-        explain much of coloured noise.
+        Independent samples of noise count: masses explain much of coloured noise. Model error is no noise.
         """
-        n = max(effective_samples_of(self.task, self.fits.best()), 2.0)
+        noise = None if self.has_model_error() else max(effective_samples_of(self.task, self.fits.best()), 2.0)
+        n = noise or sum(r.y.size for r in self.task.recordings)
         best: dict[bool, StructureFit] = {}
-        fits = (f for f in self.fits.done.values() if not f.redundant_effects)
-        for f in sorted(fits, key=lambda f: bic(positive(f.cost), n, f.free)):
-            best.setdefault(f.structure.has_hard_limit, f)
+        for f in sorted(self.fits.done.values(), key=lambda f: bic(positive(f.cost), n, f.free)):
+            if not f.redundant_effects:
+                best.setdefault(f.structure.has_hard_limit, f)
         without, limited = best.get(False), best.get(True)
         if without is None or limited is None:  # every structure may be required to have a gap
             return [f.structure for f in best.values()]

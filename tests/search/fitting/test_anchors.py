@@ -66,12 +66,23 @@ def test_beside_leaders__one_mass_more_after_and_with_a_gap_fewer_before(leaders
         (1000.0, 50.0, [True]),  # without it the best is far behind
     ],
 )
-def test_leaders__gap_that_tells_and_best_without_it_unless_far_behind(without, with_gap, leading, search):
+def test_leaders__gap_that_tells_and_best_without_it_unless_far_behind(without, with_gap, leading, search, monkeypatch):
+    monkeypatch.setattr(search, "has_model_error", lambda: False)
     costs = {"two_mass": without, "two_mass+backlash": with_gap}
     fits = [StructureFit(PAPER.parse(text), {"J1": 0.01}, cost, 3) for text, cost in costs.items()]
     search.fits.done.update({f.structure: f for f in fits})
     search.fits.error_floor_cost = lambda fitted: 0.0
     assert [s.has_hard_limit for s in search.leaders()] == leading
+
+
+@pytest.mark.parametrize(("model_error", "masses"), [(True, [4]), (False, [2])])
+def test_leaders__coloured_residual__masses_lead_for_model_error_only(model_error, masses, search, monkeypatch):
+    sizes = {"two_mass": (100.0, 3), "four_mass": (80.0, 9)}
+    fits = [StructureFit(PAPER.parse(text), {}, cost, free) for text, (cost, free) in sizes.items()]
+    search.fits.done.update({f.structure: f for f in fits})
+    monkeypatch.setattr(search, "has_model_error", lambda: model_error)
+    monkeypatch.setattr("brightgrey.search.border_search.effective_samples_of", lambda task, fitted: 20.0)
+    assert [s.masses for s in search.leaders()] == masses
 
 
 def test_find_best_patiently__each_once_until_explained(search, monkeypatch):
