@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
-from brightgrey.simulation import shared_cores
+from brightgrey.simulation.shared_cores import on_idle_cores, shared_cores
 
-__all__ = ["InlineExecutor", "Stopped", "in_dependency_order", "in_order", "thread_pool"]
+__all__ = ["InlineExecutor", "Stopped", "in_dependency_order", "in_order", "simultaneous", "thread_pool"]
 
 Item = TypeVar("Item", bound=Hashable)
 Returned = TypeVar("Returned")
@@ -100,6 +100,22 @@ def in_dependency_order(
         for future in futures:
             if future is not None:
                 future.cancel()
+
+
+def simultaneous(calls: Sequence[Callable[[], Returned]]) -> list[Returned]:
+    """Results of `calls` in order, made here and on idle cores.
+
+    For short calls with large results: an executor that memoises would keep them all.
+    """
+    results: list[Returned | None] = [None] * len(calls)
+    waiting = iter(range(len(calls)))  # threads take from it in turn
+
+    def part() -> None:
+        for i in waiting:
+            results[i] = calls[i]()
+
+    on_idle_cores(part, len(calls) - 1)
+    return cast("list[Returned]", results)
 
 
 @contextmanager

@@ -28,7 +28,7 @@ from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.search.criteria import bic
 from brightgrey.search.fitting.refined_fit import Refined, accurate, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart
-from brightgrey.search.parallel import in_order
+from brightgrey.search.parallel import in_order, simultaneous
 from brightgrey.search.policy import FURTHER
 from brightgrey.search.task import IdentificationTask
 
@@ -215,7 +215,7 @@ def changes_beside(
     task: IdentificationTask, fitted: StructureFit | Refined, residual: Array, more: Sequence[Placed], seed: int
 ) -> list[EffectChanges]:
     """Changes of the weighted `residual` of a fit by the effects of `more` that it lacks and may have, each alone."""
-    return [_changes(task, fitted, residual, placed, seed) for placed in _possible(fitted, more)]
+    return simultaneous([partial(_changes, task, fitted, residual, p, seed) for p in _possible(fitted, more)])
 
 
 def added_with(placed: Placed, structure: Structure) -> tuple[Placed, ...]:

@@ -6,8 +6,9 @@ rival, from which all that belongs to one recording only, as its initial state, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import permutations
 
 import numpy as np
@@ -20,6 +21,7 @@ from brightgrey.kit import Placed, Structure
 from brightgrey.recordings import Signal
 from brightgrey.search.detectability import Detectability, has, relevant_sizes
 from brightgrey.search.fitting.refined_fit import Refined, refine, residual_and_jacobian
+from brightgrey.search.parallel import simultaneous
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.largest_rivals import LargestRivals
 from brightgrey.search.undecided.past_recordings import eliminated, of_the_drive
@@ -61,8 +63,8 @@ def open_questions(
     largest = LargestRivals(d)
     largest.fit([*tied, *((big, best) for big in larger.values())])
     asked = [_tied(largest, a, b) for a, b in tied]
-    for effect, big in larger.items():
-        asked += _size_questions(largest, best, big, effect)
+    sizes = [partial(_size_questions, largest, best, big, effect) for effect, big in larger.items()]
+    asked += [question for of_effect in simultaneous(sizes) for question in of_effect]
     covered = {e for q in asked for e in q.effects}
     for effect in undecided:
         if effect not in covered:
@@ -135,19 +137,20 @@ def _least_share(task: IdentificationTask, truth: Structure, values: Mapping[str
     return max(shares)
 
 
-def _size_questions(largest: LargestRivals, structure: Structure, big: Structure, effect: str) -> Iterator[Question]:
+def _size_questions(largest: LargestRivals, structure: Structure, big: Structure, effect: str) -> list[Question]:
     """Questions between the absence of an effect beside a structure and its sizes that matter.
 
     These are the least ones and, where it is far larger, the largest that the recordings do not contradict. All else is
     fitted anew beside each: a truth that the recordings contradict would promise too much. Where Coulomb friction and
     gravity cancel, a truth has more of both.
     """
-    d = largest.detectability
+    d, found = largest.detectability, list[Question]()
     for size in d.relevant_sizes(structure, effect):
         held = _HeldSize(d, structure, big, size)
         for multiple, values in held.ends(effect):
             change = d.refined.jacobian(structure)[0] - residual_and_jacobian(held.task(multiple), big, values)[0]
-            yield _question_of(largest, "size", (effect,), big, values, structure, change)
+            found.append(_question_of(largest, "size", (effect,), big, values, structure, change))
+    return found
 
 
 @dataclass(frozen=True)
