@@ -198,6 +198,16 @@ def test_headline__search__says_what_is_absent_and_what_is_open():
     )
 
 
+def test_headline__model_lacks_what_helps_in_some_parts__says_so():
+    model = model_with_intervals("one_mass+coulomb")
+    ties = TiesPart(minimal=("two_mass+coulomb+stribeck",), optional=())
+    found = headline(Content(model.model_copy(update={"ties": ties}), evidence=evidence_of(())))
+    assert found.open.endswith(
+        "Some parts of the recording are explained better with a second mass and Stribeck friction."
+        " Others are not, so the model leaves that out."
+    )
+
+
 def test_headline__many_effects_of_which_one_is_needed__names_the_first_of_them_once():
     """The table of effects has them all; a list over several sentences would not be read."""
     names = tuple(f"Coulomb friction at mass {k}" for k in range(1, 9))

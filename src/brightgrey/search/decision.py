@@ -19,7 +19,7 @@ from brightgrey.search.border_search import BorderRefit, BorderSearch
 from brightgrey.search.certificate import Certificate, RefutedStructure
 from brightgrey.search.criteria import Misfit, bic
 from brightgrey.search.detectability import Detectability, has
-from brightgrey.search.evidence import Evidence, assess_effects
+from brightgrey.search.evidence import Evidence, assess_effects, with_model
 from brightgrey.search.fitting.coarse import coarse_task
 from brightgrey.search.fitting.refined_fit import Refined, accurate
 from brightgrey.search.fitting.structure_fit import StructureFit
@@ -30,11 +30,10 @@ from brightgrey.search.policy import SELECTION
 from brightgrey.search.progress import BorderProgress, SearchProgress
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.cross_validation import LeftOutRecordings, extended_by_prediction, missed
-from brightgrey.search.undecided.doubtful import doubtful_effects
+from brightgrey.search.undecided.doubtful import doubtful_effects, without_unsteady
 from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
 from brightgrey.search.undecided.rivals import rival_to_offer, rivals_among, rivals_beyond
-from brightgrey.search.verdicts import EffectVerdict, Reason
 
 __all__ = ["Decision", "Ranked", "decide_structures", "evidence_of"]
 
@@ -222,14 +221,16 @@ def evidence_of(
     for rival in rivals:
         search.refined.adopt(rival)
     optional, cards = assess_effects(detectability, border, found, certificate, doubtful, instead)
+    steady = without_unsteady(search, found[0], doubtful)
+    added = [*optional, *(str(p) for p in found[0].placed if not has(steady, str(p)))]
     first = extended_by_prediction(
-        detectability, predictions, found[0], optional, lambda s: _is_identified(search, search.refined.of(s))
+        detectability, predictions, steady, added, lambda s: _is_identified(search, search.refined.of(s))
     )
     held_back = verdicts_on_masses(grammar, exclude, cards)
     held_back += first_order_verdicts(detectability, found, search.more, cards, instead)
     undecided = [c.effect for c in cards if c.verdict == "not decidable"]
-    cards = tuple(map(partial(_with_prediction, found[0], first), cards))
-    asked = [first, *(s for s in (*found[1:], *instead) if not contains(first, s))]
+    cards = tuple(with_model(card, found[0], first) for card in cards)
+    asked = [first, *(s for s in (*found, *instead) if not contains(first, s))]
     leading: list[StructureFit | Refined] = [*(search.fits.done[s] for s in dict.fromkeys((first, *found))), *rivals]
     refined = search.refined.all(circumstances.threshold_of_one_test)
     status = {}
@@ -238,6 +239,7 @@ def evidence_of(
         adequate = any(not m & ~mask for m in border.minimal)  # also where it was fitted for a verdict only
         kind = "minimal" if mask in border.minimal else "adequate" if adequate else "refuted"
         status[s] = "undecided" if mask in search.flipped else kind
+    status |= {first: "steady"} if status[first] == "refuted" else {}
     status |= dict.fromkeys(instead, "rival")
     return Evidence(
         (*(refined[s] for s in found), *rivals),
@@ -257,15 +259,8 @@ def evidence_of(
         open_questions(detectability, asked, optional, undecided) if ask else None,
         held_back,
         {f.structure: percent for f, percent in zip(leading, predictions.of(leading), strict=True)},
-        None if first == found[0] else refined[first],
+        None if first == found[0] else search.refined.of(first),
     )
-
-
-def _with_prediction(smaller: Structure, larger: Structure, card: EffectVerdict) -> EffectVerdict:
-    """Verdict that says of an effect that it was added for the sake of predictions."""
-    if has(smaller, card.effect) or not has(larger, card.effect):
-        return card
-    return replace(card, why=replace(card.why, further=(*card.why.further, Reason("predicts better"))))
 
 
 def _rivalled(

@@ -26,7 +26,7 @@ from brightgrey.search.undecided.question import OpenQuestions
 from brightgrey.search.undecided.rivals import open_choice
 from brightgrey.search.verdicts import EffectVerdict, Reason, ReasonKind, Size, size_in_units
 
-__all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]
+__all__ = ["EffectVerdict", "Evidence", "assess_effects", "has", "with_model"]
 
 _PARAMETERS_OF_A_MASS = 3  # an inertia, a spring and a damper
 
@@ -42,7 +42,8 @@ class Evidence:
     cards: tuple[EffectVerdict, ...]
     refined: Mapping[Structure, Refined]  #: Refined fits of all structures of the table.
     criterion: Mapping[Structure, float]  #: Bayesian information criterion by the deviance; less is better.
-    #: 'minimal', 'adequate', 'refuted', 'undecided', or 'rival': as good, with an effect in the place of another.
+    #: 'minimal', 'adequate', 'refuted', 'undecided', 'rival': as good, with an effect in the place of another, or
+    #: 'steady': handed back, and lacks what helps in some parts of the recordings only.
     status: Mapping[Structure, str]
     certificate: Certificate
     independent: float  #: Independent samples that the residuals are worth.
@@ -50,13 +51,14 @@ class Evidence:
     held_back: tuple[EffectVerdict, ...] = ()  #: On effects that were not offered, at first order.
     #: NRMSE fit in percent of each recording by a model of the others; nothing for fewer than three recordings.
     left_out: Mapping[Structure, tuple[float, ...]] = field(default_factory=dict)
-    #: The best minimal one with optional effects by which the recordings predict each other better, if there are any.
-    extended: Refined | None = None
+    #: The best minimal one without effects that help in some parts of the recordings only, and with optional effects by
+    #: which they predict each other better; None where that is the minimal one itself.
+    chosen: Refined | None = None
 
     @property
     def first(self) -> Refined:
         """The structure that is handed back."""
-        return self.extended or self.minimal[0]
+        return self.chosen or self.minimal[0]
 
 
 @dataclass(frozen=True)
@@ -137,6 +139,14 @@ def assess_effects(
         against |= {e: (s, doubt) for e, doubt in doubts.items() if doubt is not None}
     optional = tuple(e for e in effects if e in against or (rivals and case.is_open(e)))
     return optional, tuple(_verdict(case, e, against.get(e)) for e in effects)
+
+
+def with_model(card: EffectVerdict, minimal: Structure, model: Structure) -> EffectVerdict:
+    """Verdict that says why the model that is handed back has or lacks an effect, unlike the best minimal structure."""
+    if has(minimal, card.effect) == has(model, card.effect):
+        return card
+    reason = Reason("predicts better" if has(model, card.effect) else "left out")
+    return replace(card, why=replace(card.why, further=(*card.why.further, reason)))
 
 
 def _doubt(case: _Case, structure: Structure, effect: str, test: Obstacle | Callable[[], bool]) -> Reason | None:

@@ -45,6 +45,7 @@ ReasonKind = Literal[
     "refuted without size",
     "refuted at first order",
     "predicts better",
+    "left out",
 ]
 
 SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
@@ -96,6 +97,7 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
             "From {size} on it would have shown. At first order it explains {gain} % of the residual."
         ),
         "predicts better": "The model has it, because with it the recordings predict each other better.",
+        "left out": "The model leaves it out.",
     }
 )
 """Sentences by the kind of reason. The order of the kinds decides which of several reasons is given."""

@@ -43,6 +43,7 @@ STATUS_WORDS = {
     "refuted": "does not explain the recording",
     "undecided": "not decided",
     "rival": "fits as well, with an effect in the place of another",
+    "steady": "lacks what helps in some parts of the recording only",
 }
 
 

@@ -115,11 +115,19 @@ def _open(content: Content) -> str:
             parts.append("One of several effects is needed, and the recording does not say which.")
             parts.append(listing("Among them are", list(alternatives)[: FURTHER.named], "and"))
     minimal = model.ties.minimal if model.ties else ()
-    added = _added_by_prediction(model)
-    if len(minimal) > 1 and not added:
+    if len(minimal) > 1 and str(model.structure) in minimal:
         parts.append(f"This is the first of {len(minimal)} structures that explain it equally well.")
-    parts.append(added)
+    parts += [_left_out(model), _added_by_prediction(model)]
     return " ".join(part for part in parts if part)
+
+
+def _left_out(model: Model) -> str:
+    """Sentences on what the first minimal structure has and the model lacks."""
+    own = model.structure
+    first = Structure.parse(model.ties.minimal[0]) if model.ties else own
+    more = [p for p in first.placed if p not in own.placed and not 0 < p.effect.masses <= own.masses]
+    helping = listing("Some parts of the recording are explained better with", effects_in_words(more), "and")
+    return f"{helping} Others are not, so the model leaves that out." if more else ""
 
 
 def _added_by_prediction(model: Model) -> str:
@@ -129,6 +137,8 @@ def _added_by_prediction(model: Model) -> str:
         return ""
     first, several = ties.minimal[0], len(ties.minimal)
     added = sorted(model.structure.beside - Structure.parse(first).beside, key=lambda p: (p.effect.number, p.place))
+    if not added:
+        return ""
     with_it, without = (left_out_in_words(ties.left_out[name]) for name in (own, first))
     smaller = (
         f"The first of {several} structures that explain it equally well" if several > 1 else "A smaller structure"
