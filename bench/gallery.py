@@ -93,7 +93,7 @@ def page(name: str, drive: Drive, found: Mapping[str, Any]) -> str:
     """One drive in Markdown."""
     lines = [f"# {drive.title}", "", *fill(drive.about, 118).splitlines(), "", *_pictures(name, drive), ""]
     for sentence in found["headline"]:
-        lines += fill(sentence, 118, initial_indent="- ", subsequent_indent="  ").splitlines()
+        lines += fill(sentence, 118, break_on_hyphens=False, initial_indent="- ", subsequent_indent="  ").splitlines()
     lines.append("")
     lines += ["```{table}", ":class: values", "", "| parameter | value | unit | meaning |", "|---|---|---|---|"]
     lines += [f"| `{n}` | {value} | {unit} | {about} |" for n, value, unit, about in found["parameters"]]
