@@ -9,17 +9,15 @@ from brightgrey.search.parallel import simultaneous
 from brightgrey.simulation import shared_cores
 
 
-def slow_first(number):
-    threading.Event().wait(0.05 if number == 0 else 0.0)
-    return number, threading.get_ident()
+def test_simultaneous__no_idle_core__in_order_on_one_thread():
+    found = simultaneous([partial(lambda number: (number, threading.get_ident()), number) for number in range(4)])
+    assert found == [(number, threading.get_ident()) for number in range(4)]
 
 
-@pytest.mark.parametrize("cores", [1, 2, 4])
-def test_simultaneous__results_in_order_on_no_more_threads_than_cores(cores):
-    with shared_cores(cores):
-        found = simultaneous([partial(slow_first, number) for number in range(8)])
-    assert [number for number, _ in found] == list(range(8))
-    assert (1 if cores == 1 else 2) <= len({thread for _, thread in found}) <= cores
+def test_simultaneous__idle_core__a_call_waits_for_a_later_one_and_results_stay_in_order():
+    later = threading.Event()
+    with shared_cores(2):
+        assert simultaneous([lambda: later.wait(60.0), lambda: later.set() or "later"]) == [True, "later"]
 
 
 def test_simultaneous__no_calls__nothing():

@@ -239,7 +239,7 @@ def evidence_of(
         adequate = any(not m & ~mask for m in border.minimal)  # also where it was fitted for a verdict only
         kind = "minimal" if mask in border.minimal else "adequate" if adequate else "refuted"
         status[s] = "undecided" if mask in search.flipped else kind
-    status |= {first: "steady"} if status[first] == "refuted" else {}
+    status |= {} if contains(first, found[0]) else {first: "steady"}
     status |= dict.fromkeys(instead, "rival")
     return Evidence(
         (*(refined[s] for s in found), *rivals),
