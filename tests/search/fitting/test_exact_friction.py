@@ -24,11 +24,11 @@ STRUCTURE = PAPER.parse("one_mass+coulomb+gravity")
 NOTABLE = material_growth(model_error=True)
 
 
-def recording(f_tanh, noise):
-    """A chirp that friction and weight hold for a good part of the time; the noise is relative to the peak."""
+def recording(f_tanh, noise, *, truth=TRUTH, structure=STRUCTURE, torque=3.5):
+    """A chirp; by default friction and weight hold it for a good part of the time. Noise is relative to the peak."""
     t = E.dt * np.arange(1200)
-    u = 3.5 * np.sin(2.0 * np.pi * (0.5 + 1.5 * t / t[-1]) * t) * (0.4 + 0.6 * t / t[-1])
-    (v,) = reference(str(STRUCTURE), TRUTH, u, E.dt, f_tanh=f_tanh)
+    u = torque * np.sin(2.0 * np.pi * (0.5 + 1.5 * t / t[-1]) * t) * (0.4 + 0.6 * t / t[-1])
+    (v,) = reference(str(structure), truth, u, E.dt, f_tanh=f_tanh)
     v += noise * np.abs(v).max() * np.random.default_rng(3).standard_normal(v.size)
     return make_recording(u, v, dt=E.dt)
 
@@ -49,6 +49,19 @@ def test_reverses_at_once__drive_that_rests__yes(noise):
 def test_reverses_at_once__friction_with_a_width__no(share, noise):
     speed = np.abs(recording(np.inf, 0.0).y).max()
     assert not reverses_at_once(*fitted(1.0 / (share * speed), noise), NOTABLE)
+
+
+def test_reverses_at_once__drive_that_never_rests_and_no_noise__yes():
+    """Narrow Stribeck friction takes the part of a reversal that is sharper than any width."""
+    structure, values = (
+        PAPER.parse("one_mass+coulomb+viscous+delay"),
+        {"J1": 0.02, "M_C": 0.3, "f_v": 0.03, "T_d": 5e-3},
+    )
+    task = identification_task(
+        [recording(np.inf, 0.0, truth=values, structure=structure, torque=6.0)], None, {}, {}, None
+    )
+    larger = PAPER.parse("one_mass+coulomb+viscous+stribeck+delay")
+    assert reverses_at_once(task, fit_multistart(task, larger, Options(patience=0), seed=1), NOTABLE)
 
 
 def test_reverses_at_once__nothing_that_could_reverse__no():

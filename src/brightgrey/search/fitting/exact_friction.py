@@ -53,9 +53,8 @@ def reverses_at_once(task: IdentificationTask, fitted: StructureFit, growth: flo
     whitening = whitening_by(at_once, structure, values)
     exact = refine(at_once, structure, values, whitening, np.inf, growth)
     smooth = refine(task, structure, fitted.values, whitening, np.inf, growth)
-    floor = min(whitening.floor_deviance, float(whitening.samples))
     chance = float(chi2.isf(SELECTION.false_alarm_level, 1))
-    return exact.deviance + max(chance, growth * exact.deviance, floor) < smooth.deviance
+    return exact.deviance + max(chance, growth * exact.deviance) < smooth.deviance
 
 
 def refit_all(fits: FitTable, workers: Executor) -> None:
