@@ -279,13 +279,13 @@ class _Exchange:
             atom = lattice.atoms[bit.bit_length() - 1]
             if atom == chain:
                 for bare in dict.fromkeys(lattice.without(whole, bit) for whole in (mask, most)):
-                    found += self.of_added(lattice.structure(bare), [p for p in self.effects if is_spring(p)])
+                    found += self.of_added(own, lattice.structure(bare), [p for p in self.effects if is_spring(p)])
             elif atom.effect.has_hard_limit:
-                found += self.of_added(lattice.structure(lattice.without(mask, bit)), [])
+                found += self.of_added(own, lattice.structure(lattice.without(mask, bit)), [])
         return found
 
-    def of_added(self, structure: Structure, springs: Sequence[Placed]) -> list[Refined]:
-        """Adequate fits of a structure with a further effect, some by multistart."""
+    def of_added(self, own: Refined, structure: Structure, springs: Sequence[Placed]) -> list[Refined]:
+        """Adequate fits of a structure with a further effect, from its own optimum and that of a larger one."""
         refined, executor = self.detectability.refined, self.detectability.executor
         if structure not in refined.fits.done:
             refined.fits.add([structure], executor)
@@ -293,7 +293,9 @@ class _Exchange:
         some = effects_by_multistart(refined.task, fitted, springs, self.seed, executor)
         if fitted.equals is None:  # the values of effects that it could do without mean nothing
             some = (*further_effects(refined.task, fitted, self.effects, self.seed), *some)
-        return self.rivals(fitted.values, structure, {f.placed: f.start for f in some})
+        starts = {f.placed: f.start for f in some}
+        begun = (fitted.values, {**fitted.values, **own.values})
+        return [rival for values in begun for rival in self.rivals(values, structure, starts)]
 
     def rivals(
         self, values: Mapping[str, float], bare: Structure, starts: Mapping[Placed, Mapping[str, float]]
