@@ -53,6 +53,15 @@ def friction():
     )
 
 
+@pytest.fixture(scope="module")
+def friction_without_noise():
+    values = {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
+    return evidence(
+        task_of("one_mass+coulomb+viscous", values, reversing(), 0.0),
+        ("two_mass", "three_mass", "coulomb", "viscous", "stribeck", "gravity", "delay", "backlash"),
+    )
+
+
 def test_evidence__friction__truth_is_only_minimal_structure(friction):
     assert [str(j.structure) for j in friction.minimal] == ["one_mass+coulomb+viscous"]
     verdicts = {c.effect: c.verdict for c in friction.cards}
@@ -177,19 +186,24 @@ def test_evidence__masses__cumulative():
     assert "one_mass" not in verdicts
 
 
+def test_verdict__requires_what_is_not_called_for__not_needed_without_a_test(friction_without_noise):
+    cards = cards_of(friction_without_noise)
+    for effect in ("three_mass", "backlash"):
+        assert (cards[effect].verdict, cards[effect].gain) == ("not needed", None)
+        assert cards[effect].reason == "It was not tested, because a second mass is not called for."
+    assert friction_without_noise.optional == ()
+
+
 def test_evidence__no_motion__nothing_decidable():
     task = task_of("one_mass+coulomb", {"J1": 0.02, "M_C": 0.12}, 0.02 * reversing(), 0.1, f_tanh=500.0)
     found = evidence(task, ("two_mass", "three_mass", "coulomb", "viscous", "backlash"))
     assert {c.verdict for c in found.cards} == {"not decidable"}
+    reasons = {c.effect: c.reason for c in found.cards}
+    assert reasons["backlash"] == "It was not tested: it requires a second mass, and whether that is there is open."
 
 
-def test_evidence__no_noise__only_the_truth_is_minimal():
-    values = {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
-    found = evidence(
-        task_of("one_mass+coulomb+viscous", values, reversing(), 0.0),
-        ("two_mass", "coulomb", "viscous", "stribeck", "gravity", "delay"),
-    )
-    assert [str(j.structure) for j in found.minimal] == ["one_mass+coulomb+viscous"]
+def test_evidence__no_noise__only_the_truth_is_minimal(friction_without_noise):
+    assert [str(j.structure) for j in friction_without_noise.minimal] == ["one_mass+coulomb+viscous"]
 
 
 def test_evidence__effect_below_accuracy__not_needed():

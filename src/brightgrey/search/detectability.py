@@ -81,13 +81,22 @@ class Detectability:
     circumstances: Round
     executor: Executor
 
-    def with_effect(self, structure: Structure, effect: str) -> Structure | None:
-        """`structure` with one effect or one mass more; None if it takes others as well."""
+    def with_effect(self, structure: Structure, effect: str) -> Structure:
+        """`structure` with an effect, and with what that requires."""
         lattice = self.circumstances.lattice
-        mask = lattice.mask(structure)
-        bit = next(1 << i for i, p in enumerate(lattice.atoms) if str(p) == effect)
-        big = lattice.within(mask | bit) & lattice.everything
-        return lattice.structure(big) if big & bit else None
+        return lattice.structure(lattice.mask(structure) | 1 << lattice.index(effect) | lattice.required_by(effect))
+
+    def missing(self, structure: Structure, effect: str) -> list[str]:
+        """Effects that `effect` requires and `structure` lacks, each after what it requires itself."""
+        lattice = self.circumstances.lattice
+        missing = lattice.required_by(effect) & ~lattice.mask(structure)
+        return [str(p) for i, p in enumerate(lattice.atoms) if missing >> i & 1]
+
+    def can_be_added(self, structure: Structure, effect: str) -> bool:
+        """Return True if a structure of the lattice has `effect` beside `structure`, and nothing else."""
+        lattice = self.circumstances.lattice
+        allowed = lattice.everything >> lattice.index(effect) & 1
+        return bool(allowed) and not has(structure, effect) and not self.missing(structure, effect)
 
     def critical(self, structure: Structure, big: Structure) -> float:
         """Deviance by which `big` has to be better than `structure` to be called for."""
@@ -102,16 +111,12 @@ class Detectability:
     def gain(self, structure: Structure, effect: str) -> float:
         """Part of the whitened residual's RMS that `effect` explains beside `structure`."""
         big = self.with_effect(structure, effect)
-        if big is None:
-            return 0.0
         ratio = self.refined.of(big).deviance / self.refined.of(structure).deviance
         return float(1.0 - np.sqrt(min(ratio, 1.0)))
 
     def tells(self, structure: Structure, effect: str) -> bool:
         """Return True if `effect` explains more beside `structure` than chance does, however little."""
         big = self.with_effect(structure, effect)
-        if big is None:
-            return False
         small, large = self.refined.of(structure), self.refined.of(big)
         chance = self.circumstances.chance(large.free - small.free, big.masses - structure.masses)
         return small.deviance - large.deviance > chance
@@ -130,8 +135,6 @@ class Detectability:
             The obstacle to a test; or a function that waits for the fits and returns True if the effect is refuted.
         """
         big = self.with_effect(structure, effect)
-        if big is None:
-            return Obstacle("needs further effects")
         sizes = self.relevant_sizes(structure, effect)
         if not sizes:
             return Obstacle("no relevant size")
@@ -153,9 +156,7 @@ class Detectability:
         return lambda: all(refit.result().deviance > worst for refit in refits)
 
     def relevant_sizes(self, structure: Structure, effect: str) -> list[dict[str, float]]:
-        """Least sizes of `effect` that matter beside `structure`; empty if it takes other effects as well."""
-        if self.with_effect(structure, effect) is None:
-            return []
+        """Least sizes of `effect` that matter beside `structure`, to which it can be added."""
         return relevant_sizes(self.refined.task, self.refined.of(structure).values, effect)
 
     def hidden_by(self, structure: Structure, effect: str, size: Mapping[str, float]) -> tuple[str, ...] | None:
@@ -164,8 +165,6 @@ class Detectability:
         Returns the other effect that masks it, an empty tuple if its power is too small, or None if it is detectable.
         """
         big, task = self.with_effect(structure, effect), self.refined.task
-        if big is None:
-            return ()
         residual, jacobian, _ = self.refined.jacobian(structure)
         problem = task.problem(big)
         start = {part.name: part.start for part in problem.nuisances}
@@ -187,7 +186,7 @@ class Detectability:
         """
         placed, task = Placed.parse(effect), self.refined.task
         parameter = next((q for q in placed.effect.parameters if q.size), None)
-        if parameter is None or self.with_effect(structure, effect) is None:
+        if parameter is None:
             return None
         name = placed.parameter(parameter.symbol)
         low, high = task.bounds.get(name) or parameter.bounds(task.scales)
@@ -204,7 +203,7 @@ class Detectability:
         Only effects whose size is a single number are tested.
         """
         big, sizes = self.with_effect(structure, effect), self.relevant_sizes(structure, effect)
-        if big is None or not sizes or len(sizes[0]) != 1:
+        if not sizes or len(sizes[0]) != 1:
             return False
         ((name, value),) = sizes[0].items()
         free = self.refined.of(big)
@@ -252,9 +251,9 @@ class Detectability:
         """
         big = self.with_effect(structure, effect)
         for other in map(str, self.circumstances.lattice.atoms):
-            beside = None if other == effect or has(structure, other) else self.with_effect(structure, other)
-            if beside is None or big is None:
+            if other == effect or not self.can_be_added(structure, other):
                 continue
+            beside = self.with_effect(structure, other)
             _, jacobian, _ = self.refined.jacobian(beside)
             _, steps = self.refined.whitening.explain(jacobian, change)
             if not self._is_detectable(structure, big, jacobian, change) and self._is_allowed(

@@ -131,12 +131,7 @@ def assess_effects(
     effects = [str(p) for i, p in enumerate(lattice.atoms) if lattice.optional >> i & 1]
     against: dict[str, tuple[Structure, Reason]] = {}
     for s in found:  # one doubt decides an effect
-        beside = [e for e in effects if not has(s, e) and e not in against]
-        wanted = [detectability.with_effect(s, e) for e in beside]
-        detectability.refined.of_all([big for big in wanted if big is not None])
-        tests = {e: detectability.refutation(s, e) for e in beside}  # side by side
-        doubts = {e: _doubt(case, s, e, test) for e, test in tests.items()}
-        against |= {e: (s, doubt) for e, doubt in doubts.items() if doubt is not None}
+        against = _doubts(case, s, [e for e in effects if not has(s, e) and e not in against], against)
     optional = tuple(e for e in effects if e in against or (rivals and case.is_open(e)))
     return optional, tuple(_verdict(case, e, against.get(e)) for e in effects)
 
@@ -147,6 +142,30 @@ def with_model(card: EffectVerdict, minimal: Structure, model: Structure) -> Eff
         return card
     reason = Reason("predicts better" if has(model, card.effect) else "left out")
     return replace(card, why=replace(card.why, further=(*card.why.further, reason)))
+
+
+def _doubts(
+    case: _Case, structure: Structure, effects: Sequence[str], known: Mapping[str, tuple[Structure, Reason]]
+) -> dict[str, tuple[Structure, Reason]]:
+    """Effects beside a structure that cannot be called needless, with the structure and a reason.
+
+    What requires an effect that the structure lacks may be there if that may. It is not tested.
+    """
+    d, against = case.detectability, dict(known)
+    alone = [e for e in effects if d.can_be_added(structure, e)]
+    d.refined.of_all([d.with_effect(structure, e) for e in alone])
+    tests = {e: d.refutation(structure, e) for e in alone}  # side by side
+    doubts = {e: _doubt(case, structure, e, test) for e, test in tests.items()}
+    against |= {e: (structure, doubt) for e, doubt in doubts.items() if doubt is not None}
+    for effect in (e for e in effects if e not in alone):  # each after what it requires
+        missing = d.missing(structure, effect)
+        if all(e in against for e in missing):
+            against[effect] = structure, Reason("needs further effects", names=_in_words(missing))
+    return against
+
+
+def _in_words(effects: Sequence[str]) -> tuple[str, ...]:
+    return tuple(effect_in_words(Placed.parse(e)) for e in effects)
 
 
 def _doubt(case: _Case, structure: Structure, effect: str, test: Obstacle | Callable[[], bool]) -> Reason | None:
@@ -176,7 +195,7 @@ def _verdict(case: _Case, effect: str, against: tuple[Structure, Reason] | None)
     found, d = case.found, case.detectability
     having = case.with_effect(effect)
     loss = case.certificate.loss(effect)
-    gain = None if has(found[0], effect) else d.gain(found[0], effect)
+    gain = d.gain(found[0], effect) if d.can_be_added(found[0], effect) else None
     verdict: Verdict = "not decidable"
     if len(having) == len(case.minimal):
         reservation = _reservation(case, effect)
@@ -191,7 +210,7 @@ def _verdict(case: _Case, effect: str, against: tuple[Structure, Reason] | None)
         if why.kind == "not detectable":
             why = replace(why, limit=_detection_limit(case, effect, structure))
     else:
-        verdict, why = "not needed", _refuted(case, effect, gain or 0.0)
+        verdict, why = "not needed", _refuted(case, effect)
     return EffectVerdict(effect, verdict, loss, gain, why)
 
 
@@ -204,7 +223,7 @@ def _alike(case: _Case, effect: str) -> list[Reason]:
 def _reservation(case: _Case, effect: str) -> Reason | None:
     """Reason not to call an effect needed although all minimal structures have it."""
     lattice = case.detectability.circumstances.lattice
-    bit = next(1 << i for i, p in enumerate(lattice.atoms) if str(p) == effect)
+    bit = 1 << lattice.index(effect)
     if any(not m & bit for m in case.border.undecided):
         return Reason("undecided")
     late = _below_sampling(case, case.found[0], effect)
@@ -258,13 +277,16 @@ def _needed(loss: float | None) -> Reason:
     return Reason("loss", {"ratio": 1.0 + loss}) if loss > SELECTION.reported_loss else Reason("small loss")
 
 
-def _refuted(case: _Case, effect: str, gain: float) -> Reason:
+def _refuted(case: _Case, effect: str) -> Reason:
     """Largest of the sizes that would have shown beside the minimal structures, and the estimate beside the best."""
-    d, found = case.detectability, case.found
+    d = case.detectability
+    found = [s for s in case.found if d.can_be_added(s, effect)]
+    if not found:
+        return Reason("not offered", names=_in_words(d.missing(case.found[0], effect)[:1]))
     sizes = [d.relevant_sizes(s, effect) for s in found]
     size = size_in_units(case.units, effect, max(sizes, key=lambda some: [abs(value) for value in some[0].values()]))
-    big, numbers = d.with_effect(found[0], effect), {"gain": 100.0 * gain}
-    if not size or big is None:
+    big, numbers = d.with_effect(found[0], effect), {"gain": 100.0 * d.gain(found[0], effect)}
+    if not size:
         return Reason("refuted without size", numbers)
     if size[0].name in d.refined.task.fixed:
         return Reason("refuted as fixed", size=size)

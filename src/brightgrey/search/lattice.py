@@ -144,6 +144,14 @@ class Lattice:
             raise SettingsError(f"no structure has {', '.join(require)} and lacks {', '.join(exclude)}")
         return cls(atoms, needs, required, allowed)
 
+    def index(self, effect: str) -> int:
+        """Place of an effect among the atoms."""
+        return next(i for i, p in enumerate(self.atoms) if str(p) == effect)
+
+    def required_by(self, effect: str) -> int:
+        """Mask of all that has to be there with an effect."""
+        return self.requires[self.index(effect)]
+
     @cached_property
     def everything(self) -> int:
         """Mask of the largest structure."""

@@ -84,9 +84,7 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "not detectable": "At a size that matters{size} this recording would not have shown it{limit}.",
         "fits with fixed size": "Held at a size that matters{size}, it makes the fit no worse.",
         "no relevant size": "It was not tested, because no size that matters is declared for it.",
-        "needs further effects": (
-            "It was not tested: it cannot be added to the best structure alone, only together with another effect."
-        ),
+        "needs further effects": "It was not tested: it requires {names}, and whether that is there is open.",
         "not offered": "It was not tested, because {names} is not called for.",
         "refuted": (
             "From {size} on it would have shown. The fit has {estimate}, which explains {gain} % of the residual."

@@ -101,7 +101,8 @@ def extended_by_prediction(
     effects = [e for e in optional if not (Placed.parse(e).effect.masses or Placed.parse(e).effect.has_hard_limit)]
     known, own = is_known(first), fits.done[first]
     while True:
-        larger = [detectability.with_effect(own.structure, e) for e in effects if e not in own.structure.names]
+        more = [e for e in effects if detectability.can_be_added(own.structure, e)]
+        larger = [detectability.with_effect(own.structure, e) for e in more]
         near = [
             f for f in _fits_of_larger(fits, own, larger, predictions.executor) if (1.0 + growth) * f.cost < own.cost
         ]
@@ -122,10 +123,9 @@ def extended_by_prediction(
 
 
 def _fits_of_larger(
-    fits: FitTable, own: StructureFit, larger: Sequence[Structure | None], workers: Executor
+    fits: FitTable, own: StructureFit, larger: Sequence[Structure], workers: Executor
 ) -> list[StructureFit]:
     """Fits of larger structures: those of the table, and of others from the values of a smaller one."""
-    wanted = list(dict.fromkeys(s for s in larger if s is not None))
-    tried = fits.tried([(s, own.values) for s in wanted if s not in fits.done], workers)
+    tried = fits.tried([(s, own.values) for s in larger if s not in fits.done], workers)
     known = {f.structure: f for f in tried}
-    return [known.get(s) or fits.done[s] for s in wanted]
+    return [known.get(s) or fits.done[s] for s in larger]

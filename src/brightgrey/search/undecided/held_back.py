@@ -18,7 +18,7 @@ from brightgrey.estimation.noise.orthonormal_basis import beyond
 from brightgrey.kit import Grammar, Placed, Structure, function_set
 from brightgrey.kit.in_words import effect_in_words
 from brightgrey.kit.structure import Verdict
-from brightgrey.search.detectability import Detectability, has, power, relevant_sizes
+from brightgrey.search.detectability import Detectability, power, relevant_sizes
 from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.undecided.rivals import open_choice
@@ -160,8 +160,8 @@ class _Beside:
         """Orthonormal basis of what the structure can explain at first order with another effect of the lattice."""
         found = dict[Placed, Array]()
         for placed in self.detectability.circumstances.lattice.atoms:
-            beside = self.detectability.with_effect(self.structure, str(placed))
-            if beside is not None and not has(self.structure, str(placed)):
+            if self.detectability.can_be_added(self.structure, str(placed)):
+                beside = self.detectability.with_effect(self.structure, str(placed))
                 jacobian = self.slopes_with(beside, str(placed))
                 found[placed] = self.detectability.refined.whitening.basis(jacobian)
         return found

@@ -97,17 +97,16 @@ def _effects_beside(
     larger: dict[str, Structure] = {}
     not_asked: dict[str, str] = {}
     for effect in optional:
-        big = d.with_effect(best, effect)
         if len(larger) >= POLICY.most_effects:
             not_asked[effect] = "other effects come first"
         elif has(best, effect):
             continue
-        elif big is None:
+        elif not d.can_be_added(best, effect):
             not_asked[effect] = "it cannot be added alone"
         elif not d.relevant_sizes(best, effect):
             not_asked[effect] = "it has no least size that matters"
         else:
-            larger[effect] = big
+            larger[effect] = d.with_effect(best, effect)
     return larger, not_asked
 
 
