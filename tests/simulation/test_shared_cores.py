@@ -23,12 +23,12 @@ def counted(most):
     """Number of threads on which a part runs at the same time, where up to `most` idle cores are asked for."""
     running, threads = threading.Barrier(max(1 + most, 1)), set()
 
-    def part():
+    def part(numbers):
         threads.add(threading.get_ident())
         with suppress(threading.BrokenBarrierError):
             running.wait(0.2)
 
-    on_idle_cores(part, most)
+    on_idle_cores(part, (), most)
     return len(threads)
 
 
@@ -47,7 +47,7 @@ def test_on_idle_cores__other_threads_at_work__takes_what_they_leave():
     inside, done = threading.Barrier(3), threading.Event()
 
     def work():
-        on_idle_cores(lambda: (inside.wait(10.0), done.wait(10.0)), 0)
+        on_idle_cores(lambda numbers: (inside.wait(10.0), done.wait(10.0)), (), 0)
 
     with shared_cores(4), ThreadPoolExecutor(2) as pool:
         busy = [pool.submit(work) for _ in range(2)]
@@ -59,21 +59,45 @@ def test_on_idle_cores__other_threads_at_work__takes_what_they_leave():
         assert counted(3) == 4
 
 
-def test_on_idle_cores__part_fails__waits_for_the_others_and_raises():
-    ended = threading.Event()
-    own = threading.get_ident()
+def test_on_idle_cores__part_fails__others_end_what_they_have_begun_and_no_more():
+    own, begun, failed, ended = threading.get_ident(), threading.Event(), threading.Event(), []
 
-    def part():
+    def part(numbers):
         if threading.get_ident() == own:
+            assert begun.wait(10.0)
+            failed.set()
             raise KeyboardInterrupt
-        threading.Event().wait(0.05)
-        ended.set()
+        for number in numbers:
+            begun.set()
+            assert failed.wait(10.0)
+            threading.Event().wait(0.05)  # until the error is known
+            ended.append(number)
 
     with shared_cores(2):
         with pytest.raises(KeyboardInterrupt):
-            on_idle_cores(part, 1)
-        assert ended.is_set()
+            on_idle_cores(part, range(1000), 1)
+        assert ended == [0]
         assert counted(1) == 2
+
+
+def test_on_idle_cores__within_a_part__thread_has_its_core_already():
+    found = []
+    with shared_cores(2):
+        on_idle_cores(lambda numbers: found.append(counted(1)), (), 0)
+    assert found == [2]
+
+
+def test_on_idle_cores__more_parts_within_parts_than_threads__ends():
+    def inner(numbers):
+        for _ in numbers:
+            threading.Event().wait(1e-3)
+
+    def outer(numbers):
+        for _ in numbers:
+            on_idle_cores(inner, range(4), 3)
+
+    with shared_cores(200):
+        on_idle_cores(outer, range(100), 99)
 
 
 @pytest.mark.parametrize("name", ["two_mass+coulomb+viscous+backlash", "three_mass+stribeck+delay"])
@@ -91,7 +115,7 @@ def test_response__idle_cores__same_bits(name, group, monkeypatch):
     monkeypatch.setattr(
         import_module("brightgrey.simulation.response"),  # the package has a function of this name
         "on_idle_cores",
-        lambda part, most: (asked.append(most), on_idle_cores(part, most)),
+        lambda part, numbers, most: (asked.append(most), on_idle_cores(part, numbers, most)),
     )
     with shared_cores(3):
         np.testing.assert_array_equal(response(system, u, E.dt, x0, how, group=group).y, y)

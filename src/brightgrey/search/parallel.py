@@ -108,13 +108,12 @@ def simultaneous(calls: Sequence[Callable[[], Returned]]) -> list[Returned]:
     For short calls with large results: an executor that memoises would keep them all.
     """
     results: list[Returned | None] = [None] * len(calls)
-    waiting = iter(range(len(calls)))  # threads take from it in turn
 
-    def part() -> None:
+    def part(waiting: Iterator[int]) -> None:
         for i in waiting:
             results[i] = calls[i]()
 
-    on_idle_cores(part, len(calls) - 1)
+    on_idle_cores(part, range(len(calls)), len(calls) - 1)
     return cast("list[Returned]", results)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import NamedTuple
@@ -302,16 +302,15 @@ def _run_batches(shape: Shape, plants: PlantBuffers, call: Call, batches: int) -
     """Run the kernel on all batches, one after the other or also on idle cores."""
     helpers = min(batches, batches * shape.samples // TOLERANCES.least_shared_samples) - 1
     size = 1 if helpers > 0 else batches
-    waiting = iter(range(0, batches, size))  # threads take from it in turn: some batches last longer than others
 
-    def part() -> None:
+    def part(waiting: Iterator[int]) -> None:  # in turn: some batches last longer than others
         work, memory = work_for(shape)
         block = block_for(shape, plants, work, call)
         for first in waiting:
             run_batch(address(block), first, first + size)
         del memory, block  # not before the simulation is done
 
-    on_idle_cores(part, helpers)
+    on_idle_cores(part, range(0, batches, size), helpers)
 
 
 class _LaneAssignment(NamedTuple):

@@ -8,10 +8,11 @@ on them, because no batch depends on another one.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager
 from functools import cache
+from itertools import takewhile
 
 __all__ = ["on_idle_cores", "shared_cores"]
 
@@ -23,6 +24,7 @@ class _Cores:
         self._lock = threading.Lock()
         self._offered: list[int] = []
         self._taken = 0
+        self._thread = threading.local()
 
     @contextmanager
     def offered(self, count: int) -> Iterator[None]:
@@ -37,16 +39,27 @@ class _Cores:
 
     @contextmanager
     def taken(self, most: int) -> Iterator[int]:
-        """Take a core, and up to `most` more of those that are idle; yields how many more."""
+        """Take a core, unless the thread has one, and up to `most` more of those that are idle; yields how many."""
+        own = 0 if getattr(self._thread, "has_core", False) else 1
         with self._lock:
-            idle = max(self._offered, default=1) - self._taken - 1
+            idle = max(self._offered, default=1) - self._taken - own
             more = max(min(idle, most), 0)
-            self._taken += 1 + more
+            self._taken += own + more
         try:
             yield more
         finally:
             with self._lock:
-                self._taken -= 1 + more
+                self._taken -= own + more
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Let this thread have a core that has been taken."""
+        before = getattr(self._thread, "has_core", False)
+        self._thread.has_core = True
+        try:
+            yield
+        finally:
+            self._thread.has_core = before
 
 
 _CORES = _Cores()
@@ -57,15 +70,29 @@ def shared_cores(count: int) -> AbstractContextManager[None]:
     return _CORES.offered(count)
 
 
-def on_idle_cores(part: Callable[[], None], most: int) -> None:
-    """Call `part` here, and at the same time on up to `most` idle cores; its calls share out the work themselves."""
+def on_idle_cores(part: Callable[[Iterator[int]], None], numbers: Iterable[int], most: int) -> None:
+    """Call `part` here, and at the same time on up to `most` idle cores, with numbers that the calls take in turn.
+
+    After an error no more numbers are taken.
+    """
+    waiting, failed = iter(numbers), threading.Event()
+
+    def run() -> None:
+        with _CORES.held():
+            try:
+                part(takewhile(lambda number: not failed.is_set(), waiting))
+            except BaseException:
+                failed.set()
+                raise
+
     with _CORES.taken(most) as more:
-        futures = [_helpers().submit(part) for _ in range(more)]
+        futures = [_helpers().submit(run) for _ in range(more)]
         try:
-            part()
+            run()
         finally:
-            wait(futures)  # what an interrupted caller gives up must not be written to any more
-        for future in futures:
+            begun = [future for future in futures if not future.cancel()]  # nothing is left for the others
+            wait(begun)  # what an interrupted caller gives up must not be written to any more
+        for future in begun:
             future.result()
 
 
