@@ -23,7 +23,7 @@ from brightgrey.report.drawing.plotly_figure import library, plot, script
 from brightgrey.report.options import REPORT_OPTIONS
 from brightgrey.report.templates import page_template
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
-from brightgrey.report.text.headline import headline
+from brightgrey.report.text.headline import beside_minimal, headline
 from brightgrey.report.text.next_steps import next_steps, why_not_richer
 from brightgrey.report.text.opinion_table import opinion_rows, opinion_sentences
 from brightgrey.report.text.prose import left_out_in_words, listing, sentence, with_meanings
@@ -75,6 +75,7 @@ def page(content: Content) -> str:
         minimal=[(n, left_out_in_words(model.ties.left_out.get(n, ()))) for n in model.ties.minimal]
         if model.ties
         else [],
+        beside_minimal=beside_minimal(model),
         optional=_optional_text(model),
         cards=content.evidence.cards if content.evidence else (),
         ranking=_ranking_cells(content.ranking),

@@ -30,7 +30,7 @@ from brightgrey.search.policy import SELECTION
 from brightgrey.search.progress import BorderProgress, SearchProgress
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.cross_validation import LeftOutRecordings, extended_by_prediction, missed
-from brightgrey.search.undecided.doubtful import doubtful_effects, without_unsteady
+from brightgrey.search.undecided.doubtful import doubts_about
 from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
 from brightgrey.search.undecided.rivals import rival_to_offer, rivals_among, rivals_beyond
@@ -47,7 +47,7 @@ class Ranked:
     misfit: Misfit  #: At the level of the search.
     criterion: float  #: Bayesian information criterion of the deviance; less is better.
     equivalent: bool  #: Minimal, or minimal with one optional effect.
-    status: str  #: 'minimal', 'adequate', 'refuted' or 'undecided'; empty if the search was stopped.
+    status: str  #: See :class:`.Evidence`; empty if the search was stopped.
 
 
 @dataclass(frozen=True)
@@ -215,16 +215,16 @@ def evidence_of(
     border, found, rivals = _rivalled(search, border, grammar, exclude, predictions)
     lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
     certificate = _certificate(search, border, grammar, found)
-    doubtful = doubtful_effects(search, border, found[0], unexplained=bool(certificate.unexplained))
+    doubts = doubts_about(search, border, found, unexplained=bool(certificate.unexplained))
+    found = doubts.found
     detectability = Detectability(search.refined, circumstances, search.executor)
     instead = [rival.structure for rival in rivals]
     for rival in rivals:
         search.refined.adopt(rival)
-    optional, cards = assess_effects(detectability, border, found, certificate, doubtful, instead)
-    steady = without_unsteady(search, found[0], doubtful)
-    added = [*optional, *(str(p) for p in found[0].placed if not has(steady, str(p)))]
+    optional, cards = assess_effects(detectability, border, found, certificate, doubts.reasons, instead)
+    added = [*optional, *(str(p) for p in found[0].placed if not has(doubts.model, str(p)))]
     first = extended_by_prediction(
-        detectability, predictions, steady, added, lambda s: _is_identified(search, search.refined.of(s))
+        detectability, predictions, doubts.model, added, lambda s: _is_identified(search, search.refined.of(s))
     )
     held_back = verdicts_on_masses(grammar, exclude, cards)
     held_back += first_order_verdicts(detectability, found, search.more, cards, instead)
@@ -239,7 +239,7 @@ def evidence_of(
         adequate = any(not m & ~mask for m in border.minimal)  # also where it was fitted for a verdict only
         kind = "minimal" if mask in border.minimal else "adequate" if adequate else "refuted"
         status[s] = "undecided" if mask in search.flipped else kind
-    status |= {} if contains(first, found[0]) else {first: "steady"}
+    status |= {} if any(contains(first, s) for s in found) else {first: "steady"}
     status |= dict.fromkeys(instead, "rival")
     return Evidence(
         (*(refined[s] for s in found), *rivals),
@@ -252,7 +252,7 @@ def evidence_of(
             certificate,
             poor_fit=100.0 - search.fits.fit_percent(search.fits.best()) if search.fits_poorly() else None,
             fitted=len(search.fits.done),
-            minimal=(*certificate.minimal, *map(str, instead)),
+            minimal=tuple(map(str, (*found, *instead))),
             held_back={c.effect: c.verdict for c in held_back},
         ),
         whitening.effective_samples,
@@ -265,7 +265,7 @@ def evidence_of(
 
 def _rivalled(
     search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str], predictions: LeftOutRecordings
-) -> tuple[Border, list[Structure], tuple[Refined, ...]]:
+) -> tuple[Border, Sequence[Structure], tuple[Refined, ...]]:
     """Border, its minimal structures in order, and their rivals.
 
     The effects of a rival that refutes the minimal structures, or that has fewer masses, are offered, once.
@@ -389,7 +389,8 @@ def _ranking(search: BorderSearch, task: IdentificationTask, evidence: Evidence 
         value = bic(positive(refined.deviance if refined else f.cost), samples, f.free)
         one_more = any(one_larger(m, [s]) and any(has(s, o) and not has(m, o) for o in optional) for m in minimal)
         status = evidence.status.get(s, "") if evidence else ""
-        ranked.append(Ranked(s, f.free, misfits[s], value, s in front or one_more, status))
+        alike = one_more or (s in front and status != "steady")
+        ranked.append(Ranked(s, f.free, misfits[s], value, alike, status))
     place = {s: i for i, s in enumerate(front)}
     ranked.sort(key=lambda r: (place.get(r.structure, len(place)), r.criterion, str(r.structure)))
     return tuple(ranked)

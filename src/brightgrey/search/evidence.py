@@ -204,7 +204,8 @@ def _verdict(case: _Case, effect: str, against: tuple[Structure, Reason] | None)
         verdict = verdict if reservation else "needed"
     elif having:
         late = _below_sampling(case, having[0], effect) if having[0] in found else None
-        why = replace(open_choice(case.minimal, effect), further=(late,) if late else ())
+        doubt = Reason(case.doubtful[effect]) if effect in case.doubtful else None
+        why = replace(open_choice(case.minimal, effect), further=tuple(r for r in (late, doubt) if r))
     elif against:
         structure, why = against
         if why.kind == "not detectable":

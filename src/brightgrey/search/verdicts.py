@@ -25,6 +25,7 @@ ReasonKind = Literal[
     "slow mode",
     "few samples",
     "unsteady gain",
+    "unknown size",
     "unconfirmed",
     "undecided",
     "contained",
@@ -64,6 +65,10 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "few samples": "With residuals as slow as these that may be chance, however.",
         "unsteady gain": (
             "It helps in some parts of the recordings only, however, and they hold something that nothing explains."
+        ),
+        "unknown size": (
+            "Its size may as well be zero, however: its interval says so where the recordings hold something that"
+            " nothing explains."
         ),
         "unconfirmed": (
             "Fits without it from other starting values ended elsewhere, however. A better one may have been missed."

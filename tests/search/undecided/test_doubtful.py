@@ -1,6 +1,7 @@
 """Effects that help in some parts of a recording only, on recordings of the reference solver with a disturbance."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,10 +9,12 @@ import pytest
 from brightgrey.api.to_si import identification_task
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
+from brightgrey.search.adequacy import material_growth
+from brightgrey.search.border import Refutation, assess
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.evidence import EffectVerdict, with_model
 from brightgrey.search.lattice import Lattice
-from brightgrey.search.undecided.doubtful import without_unsteady
+from brightgrey.search.undecided.doubtful import doubts_about
 from brightgrey.search.verdicts import Reason
 from brightgrey.simulation.reference import reference
 from support.recordings import make_recording
@@ -19,34 +22,73 @@ from support.recordings import make_recording
 TRUTH = {"J1": 0.0277, "M_C": 0.8, "f_v": 0.05}
 STRUCTURE = PAPER.parse("one_mass+coulomb+viscous")
 WITH_GRAVITY = PAPER.parse("one_mass+coulomb+viscous+gravity")
+LATTICE = Lattice.of(PAPER.whole, exclude=("two_mass", "stribeck", "current_control", "delay"))
 
 
-@pytest.fixture(scope="module")
-def search():
-    """Fits to a recording in which somebody leans on the load for a twentieth of the time."""
+def searched(recording):
+    """A search of eight structures, all fitted, and its border."""
+    task = identification_task([recording], None, {}, {}, 100.0)
+    with ThreadPoolExecutor(1) as workers:
+        search = BorderSearch(task, LATTICE, workers)
+        search.fits.add([LATTICE.structure(mask) for mask in LATTICE.masks()], workers)
+        search.refined.begin_round(WITH_GRAVITY, material_growth(model_error=False))
+        search.refined.of_all(list(search.fits.done))
+        return search, assess(search.deviances(), search.round)
+
+
+def pushed(kinds, noise, begin=0.42, end=0.47):
+    """Somebody leans on the load for a part of the time; `noise` is relative to the peak of each output."""
     rng = np.random.default_rng(1)
     t = E.dt * np.arange(800)
     u = 3.0 * np.cos(2.0 * np.pi * 2.5 * t) + 1.5 * np.sin(2.0 * np.pi * 0.9 * t)
-    pushed = 0.8 * ((t > 0.42 * t[-1]) & (t < 0.47 * t[-1]))
-    (v,) = reference(str(STRUCTURE), TRUTH, u + pushed, E.dt, f_tanh=100.0)
-    v += 0.003 * np.abs(v).max() * rng.standard_normal(v.size)
-    task = identification_task([make_recording(u, v, dt=E.dt)], None, {}, {}, 100.0)
-    with ThreadPoolExecutor(1) as workers:
-        found = BorderSearch(task, Lattice.of(PAPER.whole), workers)
-        found.fits.add([WITH_GRAVITY, STRUCTURE], workers)
-        found.refined.begin_round(WITH_GRAVITY)
-        yield found
+    push = 0.8 * ((t > begin * t[-1]) & (t < end * t[-1]))
+    y = reference(str(STRUCTURE), TRUTH, u + push, E.dt, f_tanh=100.0, outputs=kinds)
+    y = y + np.array(noise)[:, None] * np.abs(y).max(axis=1, keepdims=True) * rng.standard_normal(y.shape)
+    return make_recording(u, y, dt=E.dt, kind=kinds)
 
 
-def test_without_unsteady__helps_in_few_parts__is_left_out(search):
-    deviance = {s: search.refined.of(s).deviance for s in (WITH_GRAVITY, STRUCTURE)}
-    assert deviance[STRUCTURE] > deviance[WITH_GRAVITY]
-    assert without_unsteady(search, WITH_GRAVITY, {"gravity": "unsteady gain"}) == STRUCTURE
+@pytest.fixture(scope="module")
+def long_push():
+    """The load that it is taken for has a known size, and helps in five of eight parts."""
+    search, border = searched(pushed(("velocity",), (0.003,), begin=0.5, end=0.9))
+    without = LATTICE.mask(STRUCTURE)
+    return search, replace(border, refuted=(Refutation(without, 40.0, 10.0, without),))
 
 
-def test_without_unsteady__helps_everywhere_or_without_that_reservation__stays(search):
-    doubtful = {"coulomb": "unsteady gain", "viscous": "unsteady gain", "gravity": "unconfirmed"}
-    assert without_unsteady(search, WITH_GRAVITY, doubtful) == WITH_GRAVITY
+def test_doubts_about__helps_in_few_parts__model_lacks_it_and_there_is_a_reservation(long_push):
+    doubts = doubts_about(*long_push, [WITH_GRAVITY], unexplained=True)
+    assert doubts.found == (WITH_GRAVITY,)
+    assert doubts.model == STRUCTURE
+    assert doubts.reasons["gravity"] == "unsteady gain"
+    assert "coulomb" not in doubts.reasons
+
+
+def test_doubts_about__all_is_explained__model_is_the_first(long_push):
+    doubts = doubts_about(*long_push, [WITH_GRAVITY], unexplained=False)
+    assert doubts.model == WITH_GRAVITY
+    assert "unsteady gain" not in doubts.reasons.values()
+
+
+def test_doubts_about__another_minimal_structure_is_steady__it_comes_first(long_push):
+    doubts = doubts_about(*long_push, [WITH_GRAVITY, STRUCTURE], unexplained=True)
+    assert doubts.found == (STRUCTURE, WITH_GRAVITY)
+    assert doubts.model == STRUCTURE
+
+
+def test_doubts_about__size_may_be_zero__model_lacks_it_and_there_is_a_reservation():
+    doubts = doubts_about(*searched(pushed(("velocity",), (0.003,))), [WITH_GRAVITY], unexplained=True)
+    assert doubts.model == STRUCTURE
+    assert doubts.reasons["gravity"] == "unknown size"
+    assert not {"coulomb", "viscous"} & doubts.reasons.keys()
+
+
+def test_doubts_about__two_sensors__parts_are_parts_of_time():
+    """The friction shows in a precise position only, and there all the time."""
+    search, border = searched(pushed(("position", "velocity"), (1e-4, 1.0)))
+    assert {LATTICE.lacking(r.mask) for r in border.refuted} == {("coulomb",), ("viscous",)}
+    doubts = doubts_about(search, border, [STRUCTURE], unexplained=True)
+    assert doubts.model == STRUCTURE
+    assert "unsteady gain" not in doubts.reasons.values()
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from brightgrey.kit import Placed, Structure
+from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.kit.in_words import effect_in_words, effects_in_words, enumerated, masses_in_words
 from brightgrey.model.model import Model
 from brightgrey.recordings.units.amounts import rounded
@@ -14,7 +14,7 @@ from brightgrey.report.text.prose import left_out_in_words, listing
 from brightgrey.report.text.tables import fit_rows, parameter_rows
 from brightgrey.search.policy import FURTHER
 
-__all__ = ["Headline", "headline"]
+__all__ = ["Headline", "beside_minimal", "headline"]
 
 
 @dataclass(frozen=True)
@@ -117,30 +117,34 @@ def _open(content: Content) -> str:
     minimal = model.ties.minimal if model.ties else ()
     if len(minimal) > 1 and str(model.structure) in minimal:
         parts.append(f"This is the first of {len(minimal)} structures that explain it equally well.")
-    parts += [_left_out(model), _added_by_prediction(model)]
+    parts.append(beside_minimal(model))
     return " ".join(part for part in parts if part)
 
 
-def _left_out(model: Model) -> str:
+def beside_minimal(model: Model) -> str:
+    """Sentences on what the model lacks or has beside the first minimal structure; empty where it is one of them."""
+    if model.ties is None or str(model.structure) in model.ties.minimal:
+        return ""
+    first = Structure.parse(model.ties.minimal[0])
+    return " ".join(part for part in (_left_out(model, first), _added_by_prediction(model, first)) if part)
+
+
+def _left_out(model: Model, first: Structure) -> str:
     """Sentences on what the first minimal structure has and the model lacks."""
     own = model.structure
-    first = Structure.parse(model.ties.minimal[0]) if model.ties else own
-    more = [p for p in first.placed if p not in own.placed and not 0 < p.effect.masses <= own.masses]
+    masses = [p for p in function_set().whole.placed if own.masses < p.effect.masses <= first.masses]
+    more = [*masses, *(p for p in first.placed if not p.effect.masses and p not in own.placed)]
     helping = listing("Some parts of the recording are explained better with", effects_in_words(more), "and")
     return f"{helping} Others are not, so the model leaves that out." if more else ""
 
 
-def _added_by_prediction(model: Model) -> str:
+def _added_by_prediction(model: Model, first: Structure) -> str:
     """Sentence on effects that no residual demands, with which the recordings predict each other better."""
     own, ties = str(model.structure), model.ties
-    if ties is None or own in ties.minimal or own not in ties.left_out:
+    added = sorted(model.structure.beside - first.beside, key=lambda p: (p.effect.number, p.place))
+    if ties is None or own not in ties.left_out or not added:
         return ""
-    first, several = ties.minimal[0], len(ties.minimal)
-    added = sorted(model.structure.beside - Structure.parse(first).beside, key=lambda p: (p.effect.number, p.place))
-    if not added:
-        return ""
-    with_it, without = (left_out_in_words(ties.left_out[name]) for name in (own, first))
-    smaller = (
-        f"The first of {several} structures that explain it equally well" if several > 1 else "A smaller structure"
-    )
-    return f"{smaller} {without}. {listing('The model adds', effects_in_words(added), 'and')} Then it {with_it}."
+    with_it, without = (left_out_in_words(ties.left_out[name]) for name in (own, str(first)))
+    several = len(ties.minimal)
+    best = f"The first of {several} structures that explain it equally well" if several > 1 else "The minimal structure"
+    return f"{best} {without}. {listing('The model adds', effects_in_words(added), 'and')} Then it {with_it}."

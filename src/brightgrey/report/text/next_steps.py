@@ -54,7 +54,10 @@ def why_not_richer(content: Content) -> tuple[str, ...]:
         return ()
     needless = [Placed.parse(card.effect) for card in evidence.cards if card.verdict == "not needed"]
     words = [effect_in_words(placed, article=False) for placed in needless]
+    steady = [c for c in evidence.cards if any(reason.kind == "left out" for reason in c.why.further)]
+    left_out = [effect_in_words(Placed.parse(card.effect)) for card in steady]
     sentences = (
+        listing("Some parts of the recording only are explained better with", left_out, "or"),
         "All other effects that were offered explain together no more than chance does.",
         listing("So the model needs no", words, "or"),
     )

@@ -89,7 +89,7 @@ def extended_by_prediction(
         Of the last round. Its residual holds model error; otherwise the structure stays as it is.
     predictions : LeftOutRecordings
     first : Structure
-        The first of the minimal structures.
+        The first of the minimal structures, without effects that help in some parts of the recordings only.
     optional : collection of str
         Effects that may be added.
     is_known : callable

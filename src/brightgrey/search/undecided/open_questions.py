@@ -21,6 +21,7 @@ from brightgrey.kit import Placed, Structure
 from brightgrey.recordings import Signal
 from brightgrey.search.detectability import Detectability, has, relevant_sizes
 from brightgrey.search.fitting.refined_fit import Refined, refine, residual_and_jacobian
+from brightgrey.search.lattice import contains
 from brightgrey.search.parallel import simultaneous
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.largest_rivals import LargestRivals
@@ -51,14 +52,15 @@ def open_questions(
     ----------
     detectability : Detectability
     found : sequence of Structure
-        Minimal structures, the best first.
+        The model that is handed back and minimal structures, the best first. No rival contains the truth.
     optional : sequence of str
         Effects that may be there beside them.
     undecided : sequence of str
         All effects that are *not decidable*.
     """
     d, task = detectability, detectability.refined.task
-    best, tied = found[0], list(permutations(found[: POLICY.most_structures], 2))
+    best, pairs = found[0], permutations(found[: POLICY.most_structures], 2)
+    tied = [(truth, rival) for truth, rival in pairs if not contains(rival, truth)]  # or nothing could refute the rival
     larger, not_asked = _effects_beside(d, best, optional)
     largest = LargestRivals(d)
     largest.fit([*tied, *((big, best) for big in larger.values())])
