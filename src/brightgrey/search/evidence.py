@@ -160,11 +160,11 @@ def _doubts(
     for effect in (e for e in effects if e not in alone):  # each after what it requires
         missing = d.missing(structure, effect)
         if all(e in against for e in missing):
-            against[effect] = structure, Reason("needs further effects", names=_in_words(missing))
+            against[effect] = structure, Reason("needs further effects", names=_words_for(missing))
     return against
 
 
-def _in_words(effects: Sequence[str]) -> tuple[str, ...]:
+def _words_for(effects: Sequence[str]) -> tuple[str, ...]:
     return tuple(effect_in_words(Placed.parse(e)) for e in effects)
 
 
@@ -283,7 +283,7 @@ def _refuted(case: _Case, effect: str) -> Reason:
     d = case.detectability
     found = [s for s in case.found if d.can_be_added(s, effect)]
     if not found:
-        return Reason("not offered", names=_in_words(d.missing(case.found[0], effect)[:1]))
+        return Reason("not offered", names=_words_for(d.missing(case.found[0], effect)[:1]))
     sizes = [d.relevant_sizes(s, effect) for s in found]
     size = size_in_units(case.units, effect, max(sizes, key=lambda some: [abs(value) for value in some[0].values()]))
     big, numbers = d.with_effect(found[0], effect), {"gain": 100.0 * d.gain(found[0], effect)}

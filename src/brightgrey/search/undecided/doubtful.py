@@ -28,7 +28,7 @@ __all__ = ["Doubts", "doubts_about"]
 
 @dataclass(frozen=True)
 class Doubts:
-    """What is not taken for granted of a border."""
+    """Reservations on the effects of a border, and what follows for its structures."""
 
     #: Minimal structures in their order; where nothing explains the recordings those first whose every effect helps in
     #: most parts of them.
