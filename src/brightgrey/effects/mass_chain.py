@@ -40,6 +40,8 @@ class ChainHeuristics:
         Grid for a mass that is split: share of its inertia before the new shaft.
     grid_damping_ratios : tuple of float
         Grid for the damping ratio of the new shaft.
+    softest_shaft : float
+        Least spring constant, in parts of that with which the whole inertia swings twice in the recording.
     relevant_part : float
         Least share of the last inertia that matters for control if it comes loose.
     relevant_frequency : float
@@ -54,6 +56,7 @@ class ChainHeuristics:
     stiff_range: float = 10.0
     grid_parts: tuple[float, ...] = (0.05, 0.2, 0.5, 0.8, 0.95)
     grid_damping_ratios: tuple[float, ...] = (1e-3, 3e-2)
+    softest_shaft: float = 0.05
     relevant_part: float = 0.1
     relevant_frequency: float = 0.3
     relevant_damping_ratio: float = 0.02
@@ -118,12 +121,8 @@ def _slowest(scales: Scales) -> float:
 
 
 def _softest(scales: Scales) -> float:
-    """Least spring constant of a shaft: with it the two halves of the inertia swing as slowly as is worth looking for.
-
-    A softer one follows any drift.
-    """
-    reduced = 0.25 * scales.inertia
-    return reduced * _slowest(scales) ** 2
+    """Least spring constant of a shaft: with it the whole inertia swings half a period in the recording."""
+    return CHAIN_HEURISTICS.softest_shaft * scales.inertia * _slowest(scales) ** 2
 
 
 def _fastest(scales: Scales) -> float:

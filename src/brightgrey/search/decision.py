@@ -215,7 +215,7 @@ def evidence_of(
     border, found, rivals = _rivalled(search, border, grammar, exclude, predictions)
     lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
     certificate = _certificate(search, border, grammar, found)
-    doubts = doubts_about(search, border, found, unexplained=bool(certificate.unexplained))
+    doubts = doubts_about(search, border, found, unexplained=bool(certificate.unexplained) or search.has_model_error())
     found = doubts.found
     detectability = Detectability(search.refined, circumstances, search.executor)
     instead = [rival.structure for rival in rivals]

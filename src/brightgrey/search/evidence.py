@@ -237,7 +237,7 @@ def _reservation(case: _Case, effect: str) -> Reason | None:
     if case.detectability.runs_away(found, effect):
         return Reason("inertia at bound" if masses else "gap at bound")
     moving = masses or placed.effect.has_hard_limit
-    if moving and any(refined.of(s).slowest_mode_cycles(refined.task) < 1.0 for s in found):
+    if moving and any(refined.of(s).swings_slowly(refined.task) for s in found):
         return Reason("slow mode")
     if moving and not _shows_in_few_samples(case, effect):
         return Reason("few samples")

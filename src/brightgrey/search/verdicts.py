@@ -60,7 +60,7 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         ),
         "gap at bound": "The gap is at its bound, however: the fit uses it for something else.",
         "slow mode": (
-            "Its masses swing less than once in the recording, however: that follows any drift of load or sensor."
+            "Its masses swing less than twice in the recording, however: that follows any drift of load or sensor."
         ),
         "few samples": "With residuals as slow as these that may be chance, however.",
         "unsteady gain": (

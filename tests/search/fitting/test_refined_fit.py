@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import PAPER
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.refined_fit import Refined, RefinedFits, accurate, refine, whitening_by
@@ -118,3 +119,16 @@ def test_runaway__parameter_at_bound__unless_the_bound_is_the_users(coloured):
     assert replace(ran, at_bound=("alpha",)).runaway("backlash", task)
     assert not replace(ran, at_bound=("d1", "d2")).runaway("three_mass", task)
     assert not made.runaway("coulomb", task)
+
+
+@pytest.mark.parametrize(("swings", "slowly"), [(1.9, True), (2.1, False)])
+def test_swings_slowly__mode_of_two_masses__less_than_twice(coloured, swings, slowly):
+    task, *_ = coloured
+    duration = task.recordings[0].t[-1]
+    values = {"J1": 0.02, "J2": 0.005, "c1": 0.004 * (2.0 * np.pi * swings / duration) ** 2, "d1": 1e-3}
+    own = Refined(PAPER.parse("two_mass"), values, 0.0, 0.0, 4, (), True, SimulationCount())
+    assert own.swings_slowly(task) is slowly
+
+
+def test_swings_slowly__one_mass__no(coloured):
+    assert not Refined(TRUTH, VALUES, 0.0, 0.0, 3, (), True, SimulationCount()).swings_slowly(coloured[0])

@@ -54,10 +54,13 @@ class Refined:
         of_last = [q.symbol for q in placed.effect.parameters if not last or q.dimension in (INERTIA, STIFFNESS)]
         return bool(ran & {placed.parameter(symbol) for symbol in of_last})
 
-    def slowest_mode_cycles(self, task: IdentificationTask) -> float:
-        """Undamped oscillations of the slowest mode of the masses in the longest recording; infinite with one mass."""
+    def swings_slowly(self, task: IdentificationTask) -> bool:
+        """True if the slowest mode of the masses, undamped, swings less than twice in the longest recording.
+
+        That follows any drift, so no start has such a mode. One mass has none.
+        """
         longest = max(float(r.t[-1] - r.t[0]) for r in task.recordings)
-        return slowest_resonance(self.structure, self.values) * longest / (2.0 * np.pi)
+        return slowest_resonance(self.structure, self.values) * longest < 2.0 * (2.0 * np.pi)
 
 
 def stands_for(placed: Placed, effect: str) -> bool:

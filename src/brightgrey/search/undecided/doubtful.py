@@ -58,11 +58,12 @@ def doubts_about(search: BorderSearch, border: Border, found: Sequence[Structure
     ordered = tuple(sorted(found, key=lambda s: bool(unsteady[s])))
     first = ordered[0]
     model, left_out = _without_doubtful(search, first, unsteady[first])
-    doubtful = unsteady[first]
-    if model != first:  # what took the part of the others need not help without them
-        smaller = _smaller_by_one(search, model, list(map(str, model.placed)))
+    effects = list(map(str, search.lattice.atoms))
+    doubtful = unsteady[first] + [e for e in effects if has(first, e) and not has(model, e)]
+    if model != first:  # what is left need not help as it did beside the others
+        smaller = _smaller_by_one(search, model, effects)
         doubtful += [e for e, s in smaller.items() if not _is_steady(search, model, s)]
-    return Doubts(ordered, model, reasons | left_out | dict.fromkeys(doubtful, "unsteady gain"))
+    return Doubts(ordered, model, reasons | dict.fromkeys(doubtful, "unsteady gain") | left_out)
 
 
 def _unsteady(search: BorderSearch, border: Border, structure: Structure) -> list[str]:
@@ -83,8 +84,9 @@ def _without_doubtful(
 
     Of the latter that with the smallest t-statistic goes first: what it was confused with may be known without it. Of
     those that help in some parts of the recordings only the least helpful one does. All of them together help in some
-    parts only, too.
+    parts only, too. What helped them alone explains nothing notable then, and goes with them.
     """
+    nothing_notable = 1.0 + search.round.material_growth
     own, left_out = first, dict[str, ReasonKind]()
     while True:
         least = min(_unknown_sizes(search, own).items(), key=lambda pair: pair[1], default=None)
@@ -93,17 +95,27 @@ def _without_doubtful(
             left_out[least[0]] = "unknown size"
             continue
         smaller = [s for s in _smaller_by_one(search, own, unsteady).values() if not _is_steady(search, first, s)]
+        if own != first:
+            most = nothing_notable * search.refined.of(own).deviance
+            others = _smaller_by_one(search, own, list(map(str, search.lattice.atoms))).values()
+            smaller += [s for s in others if search.refined.of(s).deviance <= most]
         if not smaller:
             return own, left_out
         own = min(smaller, key=lambda s: search.refined.of(s).deviance)
 
 
 def _unknown_sizes(search: BorderSearch, structure: Structure) -> dict[str, float]:
-    """Effects that may be left out and whose size has a 95 % interval with zero, with the size in parts of that."""
+    """Effects that may be left out and whose size has a 95 % interval with zero, with the size in parts of that.
+
+    Nothing is known of a mass or gap that has run to a bound, and of a mass that swings too slowly.
+    """
     problem, space = search.task.problem_and_space(structure)
     best, lattice, found = search.refined.optimum(structure), search.lattice, dict[str, float]()
     known = estimates_of(problem, space, accurate(search.task).settings, best).by_name
+    own, task = search.refined.of(structure), search.refined.task
     for placed in (p for i, p in enumerate(lattice.atoms) if lattice.optional >> i & 1 and p in structure.placed):
+        if own.runaway(str(placed), task) or (placed.effect.masses and own.swings_slowly(task)):
+            found[str(placed)] = 0.0
         for size in (known.get(placed.parameter(q.symbol)) for q in placed.effect.parameters if q.size):
             if size is not None and size.ci95[0] <= 0.0 <= size.ci95[1]:
                 found[str(placed)] = abs(size.value) / max(size.ci95[1] - size.value, size.value - size.ci95[0])
