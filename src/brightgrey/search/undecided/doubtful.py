@@ -84,9 +84,8 @@ def _without_doubtful(
 
     Of the latter that with the smallest t-statistic goes first: what it was confused with may be known without it. Of
     those that help in some parts of the recordings only the least helpful one does. All of them together help in some
-    parts only, too. What helped them alone explains nothing notable then, and goes with them.
+    parts only, too. What does not help at all without those goes with them.
     """
-    nothing_notable = 1.0 + search.round.material_growth
     own, left_out = first, dict[str, ReasonKind]()
     while True:
         least = min(_unknown_sizes(search, own).items(), key=lambda pair: pair[1], default=None)
@@ -96,9 +95,8 @@ def _without_doubtful(
             continue
         smaller = [s for s in _smaller_by_one(search, own, unsteady).values() if not _is_steady(search, first, s)]
         if own != first:
-            most = nothing_notable * search.refined.of(own).deviance
             others = _smaller_by_one(search, own, list(map(str, search.lattice.atoms))).values()
-            smaller += [s for s in others if search.refined.of(s).deviance <= most]
+            smaller += [s for s in others if search.refined.of(s).deviance <= search.refined.of(own).deviance]
         if not smaller:
             return own, left_out
         own = min(smaller, key=lambda s: search.refined.of(s).deviance)
