@@ -203,8 +203,8 @@ def test_headline__model_lacks_what_helps_in_some_parts__says_so():
     ties = TiesPart(minimal=("two_mass+coulomb+stribeck",), optional=())
     found = headline(Content(model.model_copy(update={"ties": ties}), evidence=evidence_of(())))
     assert found.open.endswith(
-        "Some parts of the recording are explained better with a second mass and Stribeck friction."
-        " Others are not, so the model leaves that out."
+        "The model leaves out a second mass and Stribeck friction."
+        " That helps in some parts of the recording only, or nothing is known of its size."
     )
 
 

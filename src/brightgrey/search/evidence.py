@@ -43,7 +43,7 @@ class Evidence:
     refined: Mapping[Structure, Refined]  #: Refined fits of all structures of the table.
     criterion: Mapping[Structure, float]  #: Bayesian information criterion by the deviance; less is better.
     #: 'minimal', 'adequate', 'refuted', 'undecided', 'rival': as good, with an effect in the place of another, or
-    #: 'steady': handed back, and lacks what helps in some parts of the recordings only.
+    #: 'steady': handed back, and lacks what helps in some parts of the recordings only or is of unknown size.
     status: Mapping[Structure, str]
     certificate: Certificate
     independent: float  #: Independent samples that the residuals are worth.

@@ -56,7 +56,7 @@ def long_push():
 
 
 def test_doubts_about__helps_in_few_parts__model_lacks_it_and_there_is_a_reservation(long_push):
-    """Viscous friction explains nothing notable there without it, either."""
+    """Viscous friction does not help at all there without it, and goes along."""
     doubts = doubts_about(*long_push, [WITH_GRAVITY], unexplained=True)
     assert doubts.found == (WITH_GRAVITY,)
     assert str(doubts.model) == "one_mass+coulomb"

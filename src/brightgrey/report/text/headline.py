@@ -10,7 +10,7 @@ from brightgrey.kit.in_words import effect_in_words, effects_in_words, enumerate
 from brightgrey.model.model import Model
 from brightgrey.recordings.units.amounts import rounded
 from brightgrey.report.content import Content
-from brightgrey.report.text.prose import left_out_in_words, listing
+from brightgrey.report.text.prose import doubtful_in_words, left_out_in_words, listing
 from brightgrey.report.text.tables import fit_rows, parameter_rows
 from brightgrey.search.policy import FURTHER
 
@@ -134,8 +134,7 @@ def _left_out(model: Model, first: Structure) -> str:
     own = model.structure
     masses = [p for p in function_set().whole.placed if own.masses < p.effect.masses <= first.masses]
     more = [*masses, *(p for p in first.placed if not p.effect.masses and p not in own.placed)]
-    helping = listing("Some parts of the recording are explained better with", effects_in_words(more), "and")
-    return f"{helping} Others are not, so the model leaves that out." if more else ""
+    return doubtful_in_words(effects_in_words(more))
 
 
 def _added_by_prediction(model: Model, first: Structure) -> str:

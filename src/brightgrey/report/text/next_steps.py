@@ -9,7 +9,7 @@ from brightgrey.kit import Placed
 from brightgrey.kit.in_words import effect_in_words, effects_in_words, enumerated
 from brightgrey.report.content import Content
 from brightgrey.report.options import REPORT_OPTIONS
-from brightgrey.report.text.prose import listing, sentence, with_forces, with_meanings
+from brightgrey.report.text.prose import doubtful_in_words, listing, sentence, with_forces, with_meanings
 from brightgrey.report.text.tables import AT, NOT_IDENTIFIABLE, UNKNOWN, parameter_rows
 
 __all__ = ["NextStep", "next_steps", "urgent_steps", "why_not_richer"]
@@ -57,7 +57,7 @@ def why_not_richer(content: Content) -> tuple[str, ...]:
     steady = [c for c in evidence.cards if any(reason.kind == "left out" for reason in c.why.further)]
     left_out = [effect_in_words(Placed.parse(card.effect)) for card in steady]
     sentences = (
-        listing("Some parts of the recording only are explained better with", left_out, "or"),
+        doubtful_in_words(left_out),
         "All other effects that were offered explain together no more than chance does.",
         listing("So the model needs no", words, "or"),
     )

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from brightgrey.kit.in_words import enumerated, parameters_in_words
 from brightgrey.kit.structure import Structure
 
-__all__ = ["left_out_in_words", "listing", "sentence", "with_forces", "with_meanings"]
+__all__ = ["doubtful_in_words", "left_out_in_words", "listing", "sentence", "with_forces", "with_meanings"]
 
 LONGEST_SENTENCE = 30
 """Words of a sentence; longer lists are split."""
@@ -55,6 +55,12 @@ def sentence(text: str) -> str:
     first, colon, _ = ended.partition(":")
     _, dot, suffix = first.rpartition(".")
     return f"{ended}." if colon and dot and suffix.isalpha() else f"{ended[:1].upper()}{ended[1:]}."
+
+
+def doubtful_in_words(effects: Sequence[str]) -> str:
+    """Sentences on effects, in words, that a model leaves out since there is a doubt about them; empty without any."""
+    why = "That helps in some parts of the recording only, or nothing is known of its size."
+    return f"{listing('The model leaves out', effects, 'and')} {why}" if effects else ""
 
 
 def left_out_in_words(fits: Sequence[float | None], most: int = 5) -> str:
