@@ -24,9 +24,8 @@ from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.border import Border
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import evidence_of
-from brightgrey.search.detectability import has
 from brightgrey.search.fitting.coarse import coarse_task
-from brightgrey.search.lattice import Lattice
+from brightgrey.search.lattice import Lattice, has
 from brightgrey.search.parallel import InlineExecutor
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask

@@ -22,7 +22,7 @@ from brightgrey.api.to_si import identification_task
 from brightgrey.kit import PAPER
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.decision import decide_structures
-from brightgrey.search.detectability import has
+from brightgrey.search.lattice import has
 from support.foreign_drives import KINDS, ForeignDrive
 from support.results import RESULTS, Table, code_version, publish
 from support.rows import add_rows, drives_left, read_rows, row_arguments

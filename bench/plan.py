@@ -44,7 +44,7 @@ from brightgrey.recordings import Recording
 from brightgrey.report.charts.chart import Chart, Line, Panel
 from brightgrey.report.drawing.matplotlib_figure import draw, picture
 from brightgrey.search.decision import decide_structures
-from brightgrey.search.detectability import has
+from brightgrey.search.lattice import has
 from brightgrey.simulation.reference import reference
 from support.drives import MORE_MASSES, MOTIONS, RandomDrive, coloured_noise, excitation, rounded, simulated_recording
 from support.results import RESULTS, Table, publish

@@ -38,10 +38,9 @@ from brightgrey.kit import GRAMMARS, PAPER, Grammar, Placed, Structure, function
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.decision import Decision, decide_structures
-from brightgrey.search.detectability import has
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.structure_fit import StructureFit
-from brightgrey.search.lattice import added_effects, contains
+from brightgrey.search.lattice import added_effects, contains, has
 from brightgrey.search.task import IdentificationTask
 from support.drives import RandomDrive, drawn_structure, largest_within, lumped
 from support.results import RESULTS, Table, code_version, publish

@@ -85,7 +85,8 @@ def test_verdict__no_start_confirms_a_refutation__only_a_large_one_makes_an_effe
 
 
 def test_verdict__budget_spent__refutations_are_confirmed_all_the_same(monkeypatch):
-    monkeypatch.setattr(BorderSearch, "is_spent", True)
+    monkeypatch.setattr(BorderSearch, "wanted", lambda search, border: [])
+    monkeypatch.setattr(BorderSearch, "restart", lambda search, border: False)
     found = cards_of(evidence(task_of("one_mass+coulomb+viscous", WEAK, reversing(), 0.1), ("coulomb", "viscous")))
     assert [found[e].verdict for e in ("coulomb", "viscous")] == ["needed", "needed"]
 

@@ -14,10 +14,9 @@ from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.numerics.number_format import significant
 from brightgrey.recordings import Recording
-from brightgrey.search.detectability import has
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.fitting.refined_fit import Refined
-from brightgrey.search.lattice import one_larger
+from brightgrey.search.lattice import has, one_larger
 from brightgrey.simulation import Settings
 
 __all__ = ["ControlDifference", "compare_for_control"]

@@ -24,8 +24,9 @@ from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.further.offers import OfferingSearch, effective_samples_of
-from brightgrey.search.model_error import calls_for_mass
 from brightgrey.search.policy import BORDER, REFIT, BorderPolicy
+from brightgrey.search.unexplained.doubtful import doubts_about
+from brightgrey.search.unexplained.model_error import calls_for_mass
 
 __all__ = ["BorderRefit", "BorderSearch"]
 
@@ -62,7 +63,7 @@ class BorderSearch(OfferingSearch):
             self.fit_largest()
         if not np.isfinite(self.fits.best().cost):
             raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
-        while self.offer_further(self.fits.best().structure.masses - 1) or self.offer_more():
+        while self.offer_further(self.fits.best().structure.masses - 1):
             pass  # before more masses are gone into, or anything is decided
         if not (everything or self.offered):  # where no further effect takes their part, gaps and masses are gone into
             self.thorough = True
@@ -74,20 +75,26 @@ class BorderSearch(OfferingSearch):
         """Border of the lattice when nothing is left to offer."""
         while True:
             border = self.in_rounds()
-            masses = min(self.lattice.structure(m).masses for m in border.minimal)
-            if not (
-                self.goes_over_to_exact_friction()
-                or self.improves_simplest(border)
-                or self.offer_further(masses)
-                or self.offer_mass_left_out()
-                or self.offer_mass(masses)
-            ):
+            if not (self.goes_over_to_exact_friction() or self.goes_further(border)):
                 return border
 
-    def offer_more(self) -> bool:
-        """Offer effects beside the best structure, or masses that were left out, where effects have been offered."""
-        masses = self.fits.best().structure.masses
-        return bool(self.offered) and (self.offer_further(masses) or self.offer_mass_left_out())
+    def goes_further(self, border: Border) -> bool:
+        """Fit, or offer, what the border calls for; returns False if that is nothing.
+
+        Where nothing explains the recordings with the effects that were offered, a mass that is doubtful itself calls
+        for no other.
+        """
+        masses = steady = min(self.lattice.structure(m).masses for m in border.minimal)
+        if self.offered and self.has_model_error():
+            steady = doubts_about(self.refined, self.lattice, border, [self.simplest(border)]).model.masses
+        if steady < masses:
+            return self.offer_further(masses)
+        return (
+            self.improves_simplest(border)
+            or self.offer_further(masses)
+            or self.offer_mass_left_out()
+            or self.offer_mass(masses)
+        )
 
     def fit_largest(self) -> None:
         """Fit the structures with most effects, until nothing is left to explain or to try."""
@@ -263,7 +270,7 @@ class BorderSearch(OfferingSearch):
             border = self.border = assess(self.deviances(), self.round)
             self.progress("border", len(self.fits.done), self.fits.best().structure)
             self.most_fits = self.policy.max_fits_with_model_error if self.has_model_error() else self.policy.max_fits
-            spent = self.is_spent
+            spent = len(self.fits.done) > self.most_fits
             wanted = self.simpler(border) or ([] if spent else self.wanted(border))
             if wanted:
                 self.fit(wanted)
@@ -271,15 +278,11 @@ class BorderSearch(OfferingSearch):
             elif (spent or not self.restart(border)) and not self.confirm(border):
                 return border
 
-    @property
-    def is_spent(self) -> bool:
-        """True if as many structures have been fitted as the budget allows."""
-        return len(self.fits.done) > self.most_fits
-
     def wanted(self, border: Border) -> list[Structure]:
         """The largest structures that are undecided, or else those on which refutations are tried."""
         beside = [self.beside_refuted(r, border) for r in border.refuted]
-        found = map(self.lattice.structure, self.largest(border) or dict.fromkeys(beside))
+        largest = border.undecided[: self.policy.side_by_side]
+        found = map(self.lattice.structure, largest or dict.fromkeys(beside))
         return [s for s in found if s not in self.fits.done]
 
     def simpler(self, border: Border) -> list[Structure]:
@@ -287,10 +290,6 @@ class BorderSearch(OfferingSearch):
         done = {self.lattice.mask(s) for s in self.fits.done}
         found = joint(border, self.lattice, done) or shrunk(border, self.lattice, done)
         return [self.lattice.structure(m) for m in found]
-
-    def largest(self, border: Border) -> list[int]:
-        """Largest structures that contain no adequate one, and that have not been fitted."""
-        return list(border.undecided[: self.policy.side_by_side])
 
     def beside_refuted(self, found: Refutation, border: Border) -> int:
         """The structure on which a refutation is tried: the part of the simplest adequate anchor within it.

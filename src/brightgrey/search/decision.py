@@ -17,37 +17,27 @@ from brightgrey.kit import Grammar, Placed, Structure, function_set
 from brightgrey.search.border import Border, Refutation
 from brightgrey.search.border_search import BorderRefit, BorderSearch
 from brightgrey.search.certificate import Certificate, RefutedStructure
-from brightgrey.search.criteria import Misfit, bic
-from brightgrey.search.detectability import Detectability, has
+from brightgrey.search.criteria import bic
+from brightgrey.search.detectability import Detectability
 from brightgrey.search.evidence import Evidence, assess_effects, with_model
 from brightgrey.search.fitting.coarse import coarse_task
 from brightgrey.search.fitting.refined_fit import Refined, accurate
 from brightgrey.search.fitting.structure_fit import StructureFit
-from brightgrey.search.lattice import Lattice, contains, is_excluded, one_larger
-from brightgrey.search.model_error import signs_of_model_error
-from brightgrey.search.parallel import Stopped, in_order, thread_pool
+from brightgrey.search.lattice import Lattice, contains, has, is_excluded
+from brightgrey.search.parallel import Stopped, thread_pool
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.progress import BorderProgress, SearchProgress
+from brightgrey.search.ranking import Ranked, ranking_of
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.cross_validation import LeftOutRecordings, extended_by_prediction, missed
-from brightgrey.search.undecided.doubtful import doubts_about
 from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
 from brightgrey.search.undecided.rivals import rival_to_offer, rivals_among, rivals_beyond
+from brightgrey.search.unexplained.doubtful import Doubts, doubts_about
+from brightgrey.search.unexplained.model_error import signs_of_model_error
+from brightgrey.search.verdicts import ReasonKind
 
-__all__ = ["Decision", "Ranked", "decide_structures", "evidence_of"]
-
-
-@dataclass(frozen=True)
-class Ranked:
-    """Structure in the ranking."""
-
-    structure: Structure
-    free: int  #: Number of estimated parameters.
-    misfit: Misfit  #: At the level of the search.
-    criterion: float  #: Bayesian information criterion of the deviance; less is better.
-    equivalent: bool  #: Minimal, or minimal with one optional effect.
-    status: str  #: See :class:`.Evidence`; empty if the search was stopped.
+__all__ = ["Decision", "decide_structures", "evidence_of"]
 
 
 @dataclass(frozen=True)
@@ -174,7 +164,7 @@ def decide_structures(
         except (KeyboardInterrupt, Stopped):
             if not search.fits.done:
                 raise
-        return Decision(_ranking(search, task, evidence), evidence, search.fits.done)
+        return Decision(ranking_of(search, task, evidence), evidence, search.fits.done)
 
 
 def _progress_of(search: BorderSearch, step: SearchProgress) -> SearchProgress:
@@ -212,10 +202,8 @@ def evidence_of(
 ) -> Evidence:
     """Verdicts and certificate of a border that a search has found; `exclude` and `ask` as in `decide_structures`."""
     predictions = LeftOutRecordings(search.fits, search.executor)
-    border, found, rivals = _rivalled(search, border, grammar, exclude, predictions)
+    border, certificate, doubts, rivals = _rivalled(search, border, grammar, exclude, predictions)
     lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
-    certificate = _certificate(search, border, grammar, found)
-    doubts = doubts_about(search, border, found, unexplained=bool(certificate.unexplained) or search.has_model_error())
     found = doubts.found
     detectability = Detectability(search.refined, circumstances, search.executor)
     instead = [rival.structure for rival in rivals]
@@ -265,26 +253,39 @@ def evidence_of(
 
 def _rivalled(
     search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str], predictions: LeftOutRecordings
-) -> tuple[Border, Sequence[Structure], tuple[Refined, ...]]:
-    """Border, its minimal structures in order, and their rivals.
+) -> tuple[Border, Certificate, Doubts, tuple[Refined, ...]]:
+    """Border, its certificate, its minimal structures in order with the doubts about them, and their rivals.
 
-    The effects of a rival that refutes the minimal structures, or that has fewer masses, are offered, once.
+    The effects of a rival that refutes the minimal structures, or that has fewer masses, are offered, once. Where
+    effects of the minimal structures are doubtful, rivals explain as well as the structure without those.
     """
     rivals: tuple[Refined, ...] = ()
     for offering in (True, False):
         found = _in_order(search, [search.lattice.structure(m) for m in border.minimal], predictions)
+        certificate = _certificate(search, border, grammar, found)
+        unconfirmed = [r for r in border.refuted if search.is_unconfirmed(r, border)]
+        reasons: dict[str, ReasonKind] = {e: "unconfirmed" for r in unconfirmed for e in search.lattice.lacking(r.mask)}
+        doubts = Doubts(tuple(found), found[0], reasons)
+        if certificate.unexplained or search.has_model_error():
+            doubts = doubts_about(search.refined, search.lattice, border, found, reasons)
         detectability = Detectability(search.refined, search.round, search.executor)
         if isinstance(search, BorderRefit):
-            return border, found, rivals_among(detectability, found, search.beyond_lattice())
+            rivals = rivals_among(detectability, found, search.beyond_lattice())
+            break
         others = [p for p in grammar.whole.placed if p not in search.lattice.atoms and not p.effect.masses]
         beyond = [p for p in others if not is_excluded(p, exclude)]
+        doubtful = doubts.model != doubts.found[0]
+        base, within = ([doubts.model], doubts.model) if doubtful else (found, None)
         fewer = not search.has_model_error()
-        rivals = rivals_beyond(detectability, found, beyond, search.seed, fewer_masses=fewer, known=rivals)
-        chosen = rival_to_offer(detectability, found, rivals, len(beyond)) if offering else None
+        rivals = rivals_beyond(
+            detectability, base, beyond, search.seed, fewer_masses=fewer, known=rivals, within=within
+        )
+        may_offer = offering and not doubtful
+        chosen = rival_to_offer(detectability, found, rivals, len(beyond)) if may_offer else None
         if chosen is None or not search.offer_rival(chosen.structure, chosen.values):
             break
         border = search.settled()
-    return border, found, rivals
+    return border, certificate, doubts, rivals
 
 
 def _in_order(search: BorderSearch, minimal: Sequence[Structure], predictions: LeftOutRecordings) -> list[Structure]:
@@ -364,33 +365,3 @@ def _refuted(
         str(tried),
         search.fits.agreeing.get(tried, 0),
     )
-
-
-def _ranking(search: BorderSearch, task: IdentificationTask, evidence: Evidence | None) -> tuple[Ranked, ...]:
-    """Ranking of all structures that were fitted, with their misfits on all samples of the recordings."""
-    fitted = search.fits.done
-    minimal = [r.structure for r in evidence.minimal] if evidence else []
-    front = dict.fromkeys((evidence.first.structure, *minimal) if evidence else ())
-    optional = evidence.optional if evidence else ()
-    samples = sum(r.y.size for r in search.task.recordings)
-    shown, calls = {}, []
-    for s, f in fitted.items():
-        own = f.equals or s  # the values of redundant effects would spoil the misfit
-        refined = evidence.refined.get(own) if evidence else None
-        shown[s] = own, refined
-        calls.append((task, own, dict(refined.values if refined else fitted[own].values)))
-    # a search that was stopped has an executor that takes no more calls
-    misfit = IdentificationTask.misfit  # not that of `task`: a store knows a call by its arguments
-    found = in_order(search.executor, misfit, calls) if evidence else (misfit(*call) for call in calls)
-    misfits = dict(zip(fitted, found, strict=True))
-    ranked = []
-    for s, f in fitted.items():
-        own, refined = shown[s]
-        value = bic(positive(refined.deviance if refined else f.cost), samples, f.free)
-        one_more = any(one_larger(m, [s]) and any(has(s, o) and not has(m, o) for o in optional) for m in minimal)
-        status = evidence.status.get(s, "") if evidence else ""
-        alike = one_more or (s in front and status != "steady")
-        ranked.append(Ranked(s, f.free, misfits[s], value, alike, status))
-    place = {s: i for i, s in enumerate(front)}
-    ranked.sort(key=lambda r: (place.get(r.structure, len(place)), r.criterion, str(r.structure)))
-    return tuple(ranked)

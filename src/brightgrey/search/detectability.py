@@ -15,23 +15,18 @@ from brightgrey.numerics.distributions import ncx2
 from brightgrey.search.adequacy import Round
 from brightgrey.search.fitting.fixed_size_fit import fit_at_fixed_size
 from brightgrey.search.fitting.refined_fit import RefinedFits, accurate, refine
+from brightgrey.search.lattice import has
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.verdicts import ReasonKind
 
-__all__ = ["Detectability", "Obstacle", "has", "power", "relevant_sizes"]
+__all__ = ["Detectability", "Obstacle", "power", "relevant_sizes"]
 
 
 def power(noncentrality: float, parameters: int, critical: float) -> float:
     """Probability that a likelihood ratio of that noncentrality exceeds a critical value (Wald 1943)."""
     return float(ncx2.sf(critical, max(parameters, 1), max(noncentrality, 1e-12)))
-
-
-def has(structure: Structure, effect: str) -> bool:
-    """Return True if the structure has the effect; it has all multiple-mass systems up to its own."""
-    masses = Placed.parse(effect).effect.masses
-    return structure.masses >= masses if masses else effect in structure.names
 
 
 def relevant_sizes(task: IdentificationTask, values: Mapping[str, float], effect: str) -> list[dict[str, float]]:

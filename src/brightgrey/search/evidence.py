@@ -18,15 +18,16 @@ from brightgrey.numerics.distributions import f
 from brightgrey.recordings.units.signals import Units
 from brightgrey.search.border import Border
 from brightgrey.search.certificate import Certificate
-from brightgrey.search.detectability import Detectability, Obstacle, has
+from brightgrey.search.detectability import Detectability, Obstacle
 from brightgrey.search.fitting.refined_fit import Refined
+from brightgrey.search.lattice import has
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.question import OpenQuestions
 from brightgrey.search.undecided.rivals import open_choice
 from brightgrey.search.verdicts import EffectVerdict, Reason, ReasonKind, Size, size_in_units
 
-__all__ = ["EffectVerdict", "Evidence", "assess_effects", "has", "with_model"]
+__all__ = ["EffectVerdict", "Evidence", "assess_effects", "with_model"]
 
 _PARAMETERS_OF_A_MASS = 3  # an inertia, a spring and a damper
 

@@ -20,6 +20,7 @@ __all__ = [
     "added_effects",
     "complexity",
     "contains",
+    "has",
     "is_excluded",
     "mass_chain_of",
     "maximal_submodels",
@@ -37,6 +38,12 @@ def mass_chain_of(structure: Structure) -> Placed:
 def contains(big: Structure, small: Structure) -> bool:
     """Return True if `small` is `big` without some effects or masses, or equals it; masses count cumulatively."""
     return small.masses <= big.masses and small.beside <= big.beside
+
+
+def has(structure: Structure, effect: str) -> bool:
+    """Return True if the structure has the effect; it has all multiple-mass systems up to its own."""
+    masses = Placed.parse(effect).effect.masses
+    return structure.masses >= masses if masses else effect in structure.names
 
 
 def complexity(structure: Structure) -> int:

@@ -1,12 +1,14 @@
 """Offers of a search: an effect whose place the recording does not show is called for at no place."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from brightgrey import identify, load_model
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.kit import grammar_named
+from brightgrey.kit import PAPER, grammar_named
 from brightgrey.model.run_record import load_run_record
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import decide_structures
@@ -131,3 +133,21 @@ def test_offer_further__model_error_not_seen__only_a_poor_fit_is_offered_effects
         assert search.fits_poorly() == bool(offered)
         assert search.offer_further(1) == bool(offered)
     assert list(map(str, search.offered)) == offered
+
+
+@pytest.mark.parametrize(("share", "steady"), [(1.0, True), (0.25, False)])
+def test_helps_steadily__load_in_a_part_of_the_recording__does_not(share, steady):
+    """What is taken for gravity acts all the time, or somebody pushes in the last two of eight parts."""
+    u, load = E.torque(), 0.3 * (np.arange(E.torque().size) >= (1.0 - share) * E.torque().size)
+    values = {"J1": 0.012, "M_C": 0.3}
+    pushed = simulated_task("one_mass+coulomb", values, u - load, 0.005 * E.speed, dt=E.dt, f_tanh=F_TANH)
+    task = replace(pushed, recordings=(replace(pushed.recordings[0], u=u),))
+    own, larger = map(PAPER.parse, ("one_mass+coulomb", "one_mass+coulomb+gravity"))
+    lattice = Lattice.of(PAPER, ("coulomb",), [e for e in PAPER.places if e not in ("one_mass", "coulomb", "gravity")])
+    with ThreadPoolExecutor(1) as pool:
+        search = BorderSearch(task, lattice, pool)
+        search.fit([own, larger])
+        fits = search.fits.done
+        assert search.helps_steadily(fits[own], fits[larger]) == steady
+        assert fits[larger].cost < 0.9 * fits[own].cost
+        assert not search.helps_steadily(fits[larger], fits[larger])

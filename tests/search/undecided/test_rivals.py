@@ -1,13 +1,18 @@
 """Rivals: other effects that explain as well in the place of one, and what is said of both."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.kit import Structure, function_set, grammar_named
+from brightgrey.kit import PAPER, Placed, Structure, function_set, grammar_named
+from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import decide_structures
-from brightgrey.search.undecided.rivals import open_choice
+from brightgrey.search.detectability import Detectability
+from brightgrey.search.lattice import Lattice
+from brightgrey.search.undecided.rivals import open_choice, rivals_beyond
 from support.searches import minimal, simulated_task, verdicts
 
 VALUES = {"J1": 0.008, "J2": 0.006, "c1": 200.0, "d1": 0.1, "f_v@2": 0.006}
@@ -52,6 +57,25 @@ def test_rivals__no_two_contain_each_other(at_second_mass):
     found = [Structure.parse(s) for s in minimal(at_second_mass)]
     assert len(set(found)) == len(found)
     assert not any(a != b and a.masses <= b.masses and a.beside <= b.beside for a in found for b in found)
+
+
+def test_rivals_beyond__doubtful_effect_left_out__as_good_as_the_structure_without_it():
+    """Gravity explains much, so that nothing without it is adequate; where it is doubtful that does not count."""
+    truth = {**VALUES, "f_v": 0.006, "M_G": 0.1}
+    own = {n: truth[n] for n in Structure.parse("two_mass+viscous+gravity").parameters}
+    task = simulated_task("two_mass+viscous+gravity", own, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=200.0)
+    lattice = Lattice.of(
+        PAPER, ("two_mass",), [e for e in PAPER.places if e not in ("one_mass", "two_mass", "viscous", "gravity")]
+    )
+    model, effects = PAPER.parse("two_mass+viscous"), [Placed("viscous", 2)]
+    with ThreadPoolExecutor(1) as workers:
+        search = BorderSearch(task, lattice, workers)
+        search.fits.add([lattice.structure(mask) for mask in lattice.masks()], workers)
+        search.refined.begin_round(PAPER.parse("two_mass+viscous+gravity"))
+        detectability = Detectability(search.refined, search.round, workers)
+        of_model = partial(rivals_beyond, detectability, [model], effects, 0, fewer_masses=False)
+        assert of_model() == ()
+        assert [str(r.structure) for r in of_model(within=model)] == ["two_mass+viscous@2"]
 
 
 def test_certificate__effect_with_a_rival__says_among_what_the_residual_grows(at_second_mass):

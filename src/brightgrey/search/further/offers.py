@@ -19,9 +19,10 @@ from brightgrey.search.adequacy import material_growth
 from brightgrey.search.fitting.anchors import anchors
 from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once
 from brightgrey.search.fitting.fit_table import FitTable
-from brightgrey.search.fitting.refined_fit import whitening_by
+from brightgrey.search.fitting.refined_fit import residual_and_jacobian, whitening_by
 from brightgrey.search.fitting.structure_fit import Options, StructureFit
 from brightgrey.search.further.proposals import (
+    FURTHER_STARTS,
     FurtherEffect,
     effects_by_multistart,
     explains_more_in_place,
@@ -33,9 +34,9 @@ from brightgrey.search.further.proposals import (
     moved_effects,
 )
 from brightgrey.search.lattice import Lattice
-from brightgrey.search.model_error import optimum_of, signs_of_model_error
 from brightgrey.search.policy import FURTHER, REFIT, SELECTION
 from brightgrey.search.task import IdentificationTask
+from brightgrey.search.unexplained.model_error import gains_steadily, optimum_of, signs_of_model_error
 
 __all__ = ["OfferingSearch", "effective_samples_of"]
 
@@ -62,6 +63,8 @@ class OfferingSearch:
         self.least_cost = np.inf  # of all fits, those included that have been left out
         self._asked_cost = np.inf  # of the best fit that was asked for exact friction
         self._model_error: dict[tuple[Structure, float], bool] = {}
+        #: Costs beside which no bent effect was notable, by masses, hard limit and lattice.
+        self._without_bent: dict[tuple[int, bool, tuple[Placed, ...]], float] = {}
         self._larger: dict[tuple[bool, Structure, float, tuple[Placed, ...]], StructureFit | None] = {}
 
     def offer_further(self, most_masses: int) -> bool:
@@ -175,8 +178,9 @@ class OfferingSearch:
     def extended(self, own: StructureFit) -> StructureFit | None:
         """A fit with further effects that explain enough of what a structure leaves; None without any.
 
-        Each explains a notable part of what those before it leave. Together they explain a third of what the best
-        structure explains better, and more than all structures with an effect that they exclude.
+        Each explains a notable part of what those before it leave, in most parts of the recordings unless it explains
+        all. Together they explain a third of what the best structure explains better, and more than all structures
+        with an effect that they exclude.
         """
         best, reached = self.fits.best(), own
         for _ in range(min(FURTHER.at_once, FURTHER.most - len(self.offered))):
@@ -185,7 +189,7 @@ class OfferingSearch:
             larger = self.larger_than(reached)
             if larger is None and (reached is own or own.structure.masses == self.anchors[0].masses):
                 larger = self.larger_than(reached, bent=True)  # multistarts are cheap with the fewest masses only
-            if larger is None:
+            if larger is None or not (self.helps_steadily(reached, larger) or self.is_explained(larger)):
                 break
             reached = larger
         if reached is own:
@@ -215,15 +219,26 @@ class OfferingSearch:
         if not most >= FURTHER.notable_gain * own.cost:
             return None
         best = min(alike, key=lambda f: (parameters[f.structure], f.cost))
-        if not any(is_bent(p) for p in best.structure.placed if p not in own.structure.placed):
+        fewest = best.structure.masses == self.anchors[0].masses  # multistarts are cheap, and less is no explanation
+        if not (fewest or any(is_bent(p) for p in best.structure.placed if p not in own.structure.placed)):
             return best
-        return min(best, fit_below(self.task, best.structure, best.cost, self.seed), key=lambda f: f.cost)
+        starts = self.options if fewest else FURTHER_STARTS
+        return min(best, fit_below(self.task, best.structure, best.cost, self.seed, starts), key=lambda f: f.cost)
 
     def by_multistart(self, own: StructureFit) -> StructureFit | None:
-        """A fit with the best of the bent effects, each by multistart; None if none is notable."""
+        """A fit with the best of the bent effects, each by multistart; None if none is notable.
+
+        Beside a fit that is hardly better than one with as many masses none will be notable where none was.
+        """
+        asked = own.structure.masses, own.structure.has_hard_limit, self.lattice.atoms
+        if own.cost >= (1.0 - FURTHER.notable_gain) * self._without_bent.get(asked, np.inf):
+            return None
         bent = [p for p in self.more if is_bent(p)]
         found = effects_by_multistart(self.task, own, bent, self.seed, self.executor)
-        return self.fits.tried([_with_effect(own, found[0])], self.executor)[0] if found else None
+        if not found:
+            self._without_bent[asked] = own.cost
+            return None
+        return self.fits.tried([_with_effect(own, found[0])], self.executor)[0]
 
     def is_explained_better(self, own: StructureFit) -> bool:
         """True if a fit with one more effect explains what noise of the colour that it leaves would not by chance.
@@ -243,6 +258,15 @@ class OfferingSearch:
         ratio = (own.cost / positive(larger.cost) - 1.0) * left / more
         level = SELECTION.false_alarm_level / len(self.more)
         return left > 0.0 and float(distributions.f.sf(ratio, more, left)) <= level
+
+    def helps_steadily(self, own: StructureFit, larger: StructureFit) -> bool:
+        """True if a fit with further effects leaves notably less than one without, in most parts of the recordings.
+
+        A rich structure follows model error with effects that are not there, here and there.
+        """
+        without, beside = (residual_and_jacobian(self.task, f.structure, f.values)[0] for f in (own, larger))
+        notable = float(beside @ beside) <= (1.0 - FURTHER.notable_gain) * float(without @ without)
+        return notable and gains_steadily(beside, without, self.task.recordings)
 
     def fits_poorly(self) -> bool:
         """True if the best fit is poor, and its residual neither white nor within the accuracy of the simulation."""
@@ -266,6 +290,7 @@ class OfferingSearch:
         refit_all(self.fits, self.executor)
         self.restarts.clear()
         self._larger.clear()
+        self._without_bent.clear()
         return True
 
     def is_explained(self, fitted: StructureFit | None = None) -> bool:

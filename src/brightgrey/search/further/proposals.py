@@ -151,9 +151,11 @@ def is_spring(placed: Placed) -> bool:
     return is_bent(placed) or placed.effect.port_reads == "position"
 
 
-def fit_below(task: IdentificationTask, structure: Structure, cost: float, seed: int) -> StructureFit:
+def fit_below(
+    task: IdentificationTask, structure: Structure, cost: float, seed: int, options: Options = FURTHER_STARTS
+) -> StructureFit:
     """Fit by multistart of a structure that is of use only below a cost: elsewhere no descent is brought to its end."""
-    return fit_multistart(task, structure, FURTHER_STARTS, seed, cost_to_beat=cost)
+    return fit_multistart(task, structure, options, seed, cost_to_beat=cost)
 
 
 def effects_by_multistart(

@@ -14,9 +14,9 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.kit import Structure
-from brightgrey.search.detectability import Detectability, has, relevant_sizes
+from brightgrey.search.detectability import Detectability, relevant_sizes
 from brightgrey.search.fitting.refined_fit import refine, residual_and_jacobian
-from brightgrey.search.lattice import contains
+from brightgrey.search.lattice import contains, has
 from brightgrey.search.parallel import in_order
 from brightgrey.search.undecided.past_recordings import eliminated
 from brightgrey.search.undecided.question import LargestRival

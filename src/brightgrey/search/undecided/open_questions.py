@@ -19,9 +19,9 @@ from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.estimation.problem.simulation_error import predict_many
 from brightgrey.kit import Placed, Structure
 from brightgrey.recordings import Signal
-from brightgrey.search.detectability import Detectability, has, relevant_sizes
+from brightgrey.search.detectability import Detectability, relevant_sizes
 from brightgrey.search.fitting.refined_fit import Refined, refine, residual_and_jacobian
-from brightgrey.search.lattice import contains
+from brightgrey.search.lattice import contains, has
 from brightgrey.search.parallel import simultaneous
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.largest_rivals import LargestRivals

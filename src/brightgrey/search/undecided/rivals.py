@@ -20,7 +20,7 @@ from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.kit.in_words import effect_in_words, structure_in_words
 from brightgrey.search.adequacy import Deviance
 from brightgrey.search.criteria import bic
-from brightgrey.search.detectability import Detectability, has
+from brightgrey.search.detectability import Detectability
 from brightgrey.search.fitting.refined_fit import Refined, accurate, refine
 from brightgrey.search.fitting.structure_fit import fit_multistart
 from brightgrey.search.fitting.warm_start import handed_down
@@ -32,7 +32,7 @@ from brightgrey.search.further.proposals import (
     further_effects,
     is_spring,
 )
-from brightgrey.search.lattice import contains, mass_chain_of
+from brightgrey.search.lattice import contains, has, mass_chain_of
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, FURTHER
 from brightgrey.search.undecided.exchange_prediction import limiting_cases, linearised, without_effect
@@ -49,6 +49,7 @@ def rivals_beyond(
     *,
     fewer_masses: bool,
     known: Sequence[Refined] = (),
+    within: Structure | None = None,
 ) -> tuple[Refined, ...]:
     """Refined fits with other effects in the place of some that are adequate as those of the lattice are.
 
@@ -69,8 +70,10 @@ def rivals_beyond(
         before more masses were gone into.
     known : sequence of Refined
         Rivals of a smaller lattice, which may be rivals of this one, too.
+    within : Structure, optional
+        What explains better than the structures within it does not count.
     """
-    exchange = _Exchange(detectability, tuple(effects), seed, list(found))
+    exchange = _Exchange(detectability, tuple(effects), seed, list(found), within)
     rivals = exchange.still_rivals(known)
     most = FURTHER.most_rivals + len(rivals)
     queue = [*(detectability.refined.of(s) for s in found), *rivals]
@@ -100,9 +103,8 @@ def rivals_among(
     known : sequence of (Structure, mapping of str to float)
         With the values, SI, from which they are fitted.
     """
-    exchange = _Exchange(detectability, (), 0, [])
-    rivals = [end for end in exchange.ends(known) if exchange.is_adequate(end)]
-    return _containing_none(rivals, found)
+    exchange = _Exchange(detectability, (), 0, [], None)
+    return _containing_none([end for end in exchange.ends(known) if exchange.is_adequate(end)], found)
 
 
 def _containing_none(rivals: Sequence[Refined], found: Sequence[Structure]) -> tuple[Refined, ...]:
@@ -172,16 +174,14 @@ class _Exchange:
     effects: tuple[Placed, ...]
     seed: int
     minimal: list[Structure]  #: Structures that are known to explain as well; what contains one is not fitted.
+    within: Structure | None  #: What explains better than the structures within this one does not count.
     fitted: dict[Structure, Refined] = field(default_factory=dict)
 
     def still_rivals(self, known: Sequence[Refined]) -> list[Refined]:
         """Those of some rivals that are beyond the lattice, with no more masses than it has, and still adequate."""
         masses = max(p.effect.masses for p in (*self.allowed, Placed("one_mass")))
-        beyond = [
-            (r.structure, r.values)
-            for r in known
-            if r.structure.masses <= masses and self.is_new(r.structure) and r.structure.beside & set(self.effects)
-        ]
+        new = [r for r in known if r.structure.masses <= masses and self.is_new(r.structure)]
+        beyond = [(r.structure, r.values) for r in new if r.structure.beside & set(self.effects)]
         rivals = [end for end in self.ends(beyond) if self.is_adequate(end)]
         self.minimal.extend(r.structure for r in rivals)
         return rivals
@@ -368,8 +368,9 @@ class _Exchange:
     def limit(self, end: Refined) -> float:
         """Largest deviance with which a structure is adequate that has as many parameters and masses as a fit."""
         d = self.detectability
-        table = d.refined.all(d.circumstances.threshold_of_one_test).values()
-        own, *known = (Deviance(r.deviance, r.free, r.structure.masses) for r in (end, *table))
+        table = d.refined.all(d.circumstances.threshold_of_one_test)
+        counted = [r for s, r in table.items() if self.within is None or contains(self.within, s)]
+        own, *known = (Deviance(r.deviance, r.free, r.structure.masses) for r in (end, *counted))
         return d.circumstances.limit(own, d.circumstances.least(known))
 
     def is_adequate(self, end: Refined) -> bool:

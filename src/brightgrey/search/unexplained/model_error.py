@@ -7,21 +7,42 @@ structures offered lack something.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.symptoms import Symptom, residual_symptoms
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
+from brightgrey.estimation.problem.segments import split_recordings
 from brightgrey.estimation.uncertainty.estimates import estimates_of
 from brightgrey.kit import Placed, Structure
+from brightgrey.recordings import Recording
 from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import StructureFit
-from brightgrey.search.policy import FURTHER
+from brightgrey.search.policy import FURTHER, SELECTION
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["calls_for_mass", "optimum_of", "signs_of_model_error"]
+__all__ = ["calls_for_mass", "gains_steadily", "optimum_of", "signs_of_model_error"]
+
+
+def gains_steadily(own: Array, smaller: Array, recordings: Sequence[Recording]) -> bool:
+    """True if the residual of a smaller structure is larger in most parts of the recordings.
+
+    Parameters
+    ----------
+    own, smaller : ndarray, shape (residuals,)
+        Residuals of a structure and of the smaller one, whitened or not.
+    recordings : sequence of Recording
+        Those that the residuals are of. The squares of all outputs of one count together.
+    """
+    squares = [
+        np.concatenate([np.square(part).sum(axis=0) for _, part in split_recordings(residual, recordings)])
+        for residual in (own, smaller)
+    ]
+    mine, other = (np.array([p.sum() for p in np.array_split(s, SELECTION.blocks)]) for s in squares)
+    return int(np.sum(other > mine)) >= SELECTION.steady_blocks
 
 
 def optimum_of(task: IdentificationTask, fitted: StructureFit) -> OptimumWithJacobian:

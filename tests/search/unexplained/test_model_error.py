@@ -11,7 +11,13 @@ from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import _unexplained_signs
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.lattice import Lattice
-from brightgrey.search.model_error import calls_for_mass, optimum_of, signs_of_model_error
+from brightgrey.search.unexplained.model_error import (
+    calls_for_mass,
+    gains_steadily,
+    optimum_of,
+    signs_of_model_error,
+)
+from support.recordings import make_recording
 from support.searches import simulated_task
 
 
@@ -58,3 +64,14 @@ def test_calls_for_mass__resonance_in_the_residual_and_not_friction(truth, value
     with ThreadPoolExecutor(1) as pool:
         fits.add([structure], pool)
     assert calls_for_mass(task, fits.done[structure]) == called
+
+
+def test_gains_steadily__two_recordings_of_two_outputs__parts_of_time_of_all_outputs():
+    """The residuals of a recording stand output by output: what helps one of them all the time is steady."""
+    recordings = [make_recording(np.zeros(n), np.zeros((2, n)), kind=("position", "velocity")) for n in (40, 120)]
+    own = np.ones(2 * 160)
+    first_output = np.concatenate([np.full(40, 2.0), np.ones(40), np.full(120, 2.0), np.ones(120)])
+    one_recording = np.concatenate([np.full(80, 2.0), np.ones(240)])
+    assert gains_steadily(own, first_output, recordings)
+    assert not gains_steadily(own, one_recording, recordings)  # that is two parts of eight
+    assert not gains_steadily(own, own, recordings)
