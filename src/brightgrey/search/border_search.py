@@ -84,11 +84,12 @@ class BorderSearch(OfferingSearch):
         Where nothing explains the recordings with the effects that were offered, a mass that is doubtful itself calls
         for no other.
         """
-        masses = steady = min(self.lattice.structure(m).masses for m in border.minimal)
+        found = [self.lattice.structure(m) for m in border.minimal]
+        masses = min(s.masses for s in found)
         if self.offered and self.has_model_error():
-            steady = doubts_about(self.refined, self.lattice, border, [self.simplest(border)]).model.masses
-        if steady < masses:
-            return self.offer_further(masses)
+            doubts = doubts_about(self.refined, self.lattice, border, sorted(found, key=self.simplest(border).__ne__))
+            if doubts.model.masses < doubts.found[0].masses:
+                return self.offer_further(masses)
         return (
             self.improves_simplest(border)
             or self.offer_further(masses)

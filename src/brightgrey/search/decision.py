@@ -32,7 +32,7 @@ from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.cross_validation import LeftOutRecordings, extended_by_prediction, missed
 from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
-from brightgrey.search.undecided.rivals import rival_to_offer, rivals_among, rivals_beyond
+from brightgrey.search.undecided.rivals import containing_none, rival_to_offer, rivals_among, rivals_beyond
 from brightgrey.search.unexplained.doubtful import Doubts, doubts_about
 from brightgrey.search.unexplained.model_error import signs_of_model_error
 from brightgrey.search.verdicts import ReasonKind
@@ -209,7 +209,7 @@ def evidence_of(
     instead = [rival.structure for rival in rivals]
     for rival in rivals:
         search.refined.adopt(rival)
-    optional, cards = assess_effects(detectability, border, found, certificate, doubts.reasons, instead)
+    optional, cards = assess_effects(detectability, border, doubts, certificate, instead)
     added = [*optional, *(str(p) for p in found[0].placed if not has(doubts.model, str(p)))]
     first = extended_by_prediction(
         detectability, predictions, doubts.model, added, lambda s: _is_identified(search, search.refined.of(s))
@@ -268,20 +268,21 @@ def _rivalled(
         doubts = Doubts(tuple(found), found[0], reasons)
         if certificate.unexplained or search.has_model_error():
             doubts = doubts_about(search.refined, search.lattice, border, found, reasons)
-        detectability = Detectability(search.refined, search.round, search.executor)
-        if isinstance(search, BorderRefit):
-            rivals = rivals_among(detectability, found, search.beyond_lattice())
-            break
-        others = [p for p in grammar.whole.placed if p not in search.lattice.atoms and not p.effect.masses]
-        beyond = [p for p in others if not is_excluded(p, exclude)]
         doubtful = doubts.model != doubts.found[0]
         base, within = ([doubts.model], doubts.model) if doubtful else (found, None)
+        detectability = Detectability(search.refined, search.round, search.executor)
+        if isinstance(search, BorderRefit):
+            known = rivals_among(detectability, search.beyond_lattice(), within)
+            return border, certificate, doubts, containing_none(known, [*found, doubts.model])
+        others = [p for p in grammar.whole.placed if p not in search.lattice.atoms and not p.effect.masses]
+        beyond = [p for p in others if not is_excluded(p, exclude)]
         fewer = not search.has_model_error()
-        rivals = rivals_beyond(
+        all_rivals = rivals_beyond(
             detectability, base, beyond, search.seed, fewer_masses=fewer, known=rivals, within=within
         )
-        may_offer = offering and not doubtful
-        chosen = rival_to_offer(detectability, found, rivals, len(beyond)) if may_offer else None
+        rivals = containing_none(all_rivals, [*found, doubts.model])
+        least = min(s.masses for s in base)
+        chosen = rival_to_offer(detectability, found, rivals, len(beyond), least) if offering else None
         if chosen is None or not search.offer_rival(chosen.structure, chosen.values):
             break
         border = search.settled()

@@ -25,7 +25,8 @@ from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.question import OpenQuestions
 from brightgrey.search.undecided.rivals import open_choice
-from brightgrey.search.verdicts import EffectVerdict, Reason, ReasonKind, Size, size_in_units
+from brightgrey.search.unexplained.doubtful import Doubts
+from brightgrey.search.verdicts import EffectVerdict, Reason, Size, size_in_units
 
 __all__ = ["EffectVerdict", "Evidence", "assess_effects", "with_model"]
 
@@ -68,10 +69,9 @@ class _Case:
 
     detectability: Detectability
     border: Border
-    found: Sequence[Structure]  #: Minimal structures, the best first.
+    doubts: Doubts
     certificate: Certificate
-    doubtful: Mapping[str, ReasonKind]  #: Reservations on effects that the whole search gives.
-    rivals: Sequence[Structure]  #: Structures beyond the lattice that fit as well.
+    rivals: Sequence[Structure]  #: Structures beyond the lattice that fit as well as the model.
 
     @property
     def task(self) -> IdentificationTask:
@@ -79,14 +79,20 @@ class _Case:
         return self.detectability.refined.task
 
     @property
-    def minimal(self) -> tuple[Structure, ...]:
-        """The minimal structures and their rivals."""
-        return (*self.found, *self.rivals)
+    def found(self) -> tuple[Structure, ...]:
+        """The minimal structures, the best first."""
+        return self.doubts.found
+
+    def compared(self, effect: str) -> tuple[Structure, ...]:
+        """The minimal structures, and their rivals unless these lack an effect since the model does."""
+        left_out = has(self.found[0], effect) and not has(self.doubts.model, effect)
+        return self.found if left_out else (*self.found, *self.rivals)
 
     def with_effect(self, effect: str) -> list[Structure]:
         """Those of them that have an effect, and rivals that have another one in its place which contains it."""
-        having = [s for s in self.minimal if has(s, effect)]
-        return having + [s for s in self.rivals if s not in having and having and self.containing(s, effect)]
+        compared = self.compared(effect)
+        having = [s for s in compared if has(s, effect)]
+        return having + [s for s in compared if s not in having and having and self.containing(s, effect)]
 
     def containing(self, rival: Structure, effect: str) -> list[Placed]:
         """Effects that a rival has in the place of one which they contain."""
@@ -96,7 +102,7 @@ class _Case:
 
     def is_open(self, effect: str) -> bool:
         """True if some of them have an effect and others lack it."""
-        return 0 < len(self.with_effect(effect)) < len(self.minimal)
+        return 0 < len(self.with_effect(effect)) < len(self.compared(effect))
 
     @property
     def units(self) -> Units:
@@ -107,9 +113,8 @@ class _Case:
 def assess_effects(
     detectability: Detectability,
     border: Border,
-    found: Sequence[Structure],
+    doubts: Doubts,
     certificate: Certificate,
-    doubtful: Mapping[str, ReasonKind],
     rivals: Sequence[Structure] = (),
 ) -> tuple[tuple[str, ...], tuple[EffectVerdict, ...]]:
     """Optional effects, and the verdict on every effect that some structures have and others lack.
@@ -118,20 +123,17 @@ def assess_effects(
     ----------
     detectability : Detectability
     border : Border
-    found : sequence of Structure
-        The minimal structures, the best first.
+    doubts : Doubts
+        With the minimal structures.
     certificate : Certificate
-    doubtful : mapping of str to str
-        Effects whose gain is not there in most parts of the recordings, and those without which no independent start
-        has confirmed the best fit.
     rivals : sequence of Structure
-        Structures beyond the lattice that fit as well.
+        Structures beyond the lattice that fit as well as the model without doubtful effects.
     """
-    case = _Case(detectability, border, found, certificate, doubtful, rivals)
+    case = _Case(detectability, border, doubts, certificate, rivals)
     lattice = detectability.circumstances.lattice
     effects = [str(p) for i, p in enumerate(lattice.atoms) if lattice.optional >> i & 1]
     against: dict[str, tuple[Structure, Reason]] = {}
-    for s in found:  # one doubt decides an effect
+    for s in doubts.found:  # one doubt decides an effect
         against = _doubts(case, s, [e for e in effects if not has(s, e) and e not in against], against)
     optional = tuple(e for e in effects if e in against or (rivals and case.is_open(e)))
     return optional, tuple(_verdict(case, e, against.get(e)) for e in effects)
@@ -198,15 +200,15 @@ def _verdict(case: _Case, effect: str, against: tuple[Structure, Reason] | None)
     loss = case.certificate.loss(effect)
     gain = d.gain(found[0], effect) if d.can_be_added(found[0], effect) else None
     verdict: Verdict = "not decidable"
-    if len(having) == len(case.minimal):
+    if len(having) == len(case.compared(effect)):
         reservation = _reservation(case, effect)
         remarks = [reservation] if reservation else _alike(case, effect)
         why = replace(_needed(loss), further=tuple(remarks))
         verdict = verdict if reservation else "needed"
     elif having:
         late = _below_sampling(case, having[0], effect) if having[0] in found else None
-        doubt = Reason(case.doubtful[effect]) if effect in case.doubtful else None
-        why = replace(open_choice(case.minimal, effect), further=tuple(r for r in (late, doubt) if r))
+        doubt = Reason(case.doubts.reasons[effect]) if effect in case.doubts.reasons else None
+        why = replace(open_choice(case.compared(effect), effect), further=tuple(r for r in (late, doubt) if r))
     elif against:
         structure, why = against
         if why.kind == "not detectable":
@@ -242,7 +244,7 @@ def _reservation(case: _Case, effect: str) -> Reason | None:
         return Reason("slow mode")
     if moving and not _shows_in_few_samples(case, effect):
         return Reason("few samples")
-    return Reason(case.doubtful[effect]) if effect in case.doubtful else None
+    return Reason(case.doubts.reasons[effect]) if effect in case.doubts.reasons else None
 
 
 def _shows_in_few_samples(case: _Case, effect: str) -> bool:

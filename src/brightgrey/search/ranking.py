@@ -48,6 +48,7 @@ def ranking_of(search: BorderSearch, task: IdentificationTask, evidence: Evidenc
     minimal = [r.structure for r in evidence.minimal] if evidence else []
     front = dict.fromkeys((evidence.first.structure, *minimal) if evidence else ())
     optional = evidence.optional if evidence else ()
+    beyond_doubt = {"steady", "rival"} if evidence and "steady" in evidence.status.values() else set[str]()
     samples = sum(r.y.size for r in search.task.recordings)
     shown, calls = {}, []
     for s, f in fitted.items():
@@ -65,7 +66,7 @@ def ranking_of(search: BorderSearch, task: IdentificationTask, evidence: Evidenc
         value = bic(positive(refined.deviance if refined else f.cost), samples, f.free)
         one_more = any(one_larger(m, [s]) and any(has(s, o) and not has(m, o) for o in optional) for m in minimal)
         status = evidence.status.get(s, "") if evidence else ""
-        alike = one_more or (s in front and status != "steady")
+        alike = one_more or (s in front and status not in beyond_doubt)
         ranked.append(Ranked(s, f.free, misfits[s], value, alike, status))
     place = {s: i for i, s in enumerate(front)}
     ranked.sort(key=lambda r: (place.get(r.structure, len(place)), r.criterion, str(r.structure)))

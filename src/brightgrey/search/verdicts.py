@@ -67,8 +67,8 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
             "It helps in some parts of the recordings only, however, and they hold something that nothing explains."
         ),
         "unknown size": (
-            "Its size may as well be zero, however: its interval says so where the recordings hold something that"
-            " nothing explains."
+            "A parameter of it is not known, however: it is at a bound, or its interval is wide or holds zero. The"
+            " recordings hold something that nothing explains."
         ),
         "unconfirmed": (
             "Fits without it from other starting values ended elsewhere, however. A better one may have been missed."

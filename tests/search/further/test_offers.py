@@ -151,3 +151,27 @@ def test_helps_steadily__load_in_a_part_of_the_recording__does_not(share, steady
         assert search.helps_steadily(fits[own], fits[larger]) == steady
         assert fits[larger].cost < 0.9 * fits[own].cost
         assert not search.helps_steadily(fits[larger], fits[larger])
+
+
+def test_larger_than__most_helpful_effect_is_not_steady__the_next_one_is_taken(monkeypatch):
+    """Of two further effects one explains more, but here and there."""
+    values = {"J1": 0.012, "M_C": 0.3, "f_v": 0.02, "c_g": 0.2}
+    structure = "one_mass+coulomb+viscous+ground_spring"
+    task = simulated_task(structure, values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=F_TANH, step=1e-3)
+    grammar = grammar_named("drive")
+    left_out = ("two_mass", "stribeck", "current_control", "delay", "gravity")
+
+    def with_effects(more, most=None):
+        return Lattice.of(grammar.offering(more), (), left_out)
+
+    with ThreadPoolExecutor(1) as pool:
+        search = BorderSearch(task, with_effects(()), pool, 0, tuple(grammar.further), with_effects)
+        search.fit(search.anchors)
+        (own,) = search.best_with(1)
+        first = search.larger_than(own)
+        search._larger.clear()
+        monkeypatch.setattr(search, "is_explained", lambda fitted=None: False)
+        monkeypatch.setattr(search, "helps_steadily", lambda own, fit: fit.structure != first.structure)
+        second = search.larger_than(own)
+    assert str(first.structure) == structure
+    assert second.structure != first.structure

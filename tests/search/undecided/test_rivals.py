@@ -74,7 +74,7 @@ def test_rivals_beyond__doubtful_effect_left_out__as_good_as_the_structure_witho
         search.refined.begin_round(PAPER.parse("two_mass+viscous+gravity"))
         detectability = Detectability(search.refined, search.round, workers)
         of_model = partial(rivals_beyond, detectability, [model], effects, 0, fewer_masses=False)
-        assert of_model() == ()
+        assert of_model() == []
         assert [str(r.structure) for r in of_model(within=model)] == ["two_mass+viscous@2"]
 
 

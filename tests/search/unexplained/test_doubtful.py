@@ -14,10 +14,12 @@ from brightgrey.search.border import Refutation, assess
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.evidence import EffectVerdict, with_model
 from brightgrey.search.lattice import Lattice
-from brightgrey.search.unexplained.doubtful import doubts_about
+from brightgrey.search.unexplained import doubtful
+from brightgrey.search.unexplained.doubtful import _unknown_sizes, doubts_about
 from brightgrey.search.verdicts import Reason
 from brightgrey.simulation.reference import reference
 from support.recordings import make_recording
+from support.searches import simulated_task
 
 TRUTH = {"J1": 0.0277, "M_C": 0.8, "f_v": 0.05}
 STRUCTURE = PAPER.parse("one_mass+coulomb+viscous")
@@ -56,7 +58,7 @@ def long_push():
 
 
 def test_doubts_about__helps_in_few_parts__model_lacks_it_and_there_is_a_reservation(long_push):
-    """Viscous friction does not help at all there without it, and goes along."""
+    """Viscous friction is at its lower bound, and goes first."""
     doubts = doubts_about(*long_push, [WITH_GRAVITY])
     assert doubts.found == (WITH_GRAVITY,)
     assert str(doubts.model) == "one_mass+coulomb"
@@ -72,7 +74,7 @@ def test_doubts_about__other_reservations__stay(long_push):
 def test_doubts_about__another_minimal_structure_is_steady__it_comes_first(long_push):
     doubts = doubts_about(*long_push, [WITH_GRAVITY, STRUCTURE])
     assert doubts.found == (STRUCTURE, WITH_GRAVITY)
-    assert doubts.model == STRUCTURE
+    assert str(doubts.model) == "one_mass+coulomb"
 
 
 def test_doubts_about__size_may_be_zero__model_lacks_it_and_there_is_a_reservation():
@@ -101,3 +103,41 @@ def test_doubts_about__two_sensors__parts_are_parts_of_time():
 def test_with_model__effect_that_the_model_lacks__is_said(model, said):
     card = EffectVerdict("gravity", "not decidable", None, None, Reason("indispensable"))
     assert with_model(card, WITH_GRAVITY, model).reason == said
+
+
+def refined_of(structure, values, *others, fixed=None):
+    """Refined fits of a lattice with the effects of a drive, and `others`, on a recording of it; and the lattice."""
+    u, names = E.torque()[:900], {*structure.split("+"), *others}
+    lattice = Lattice.of(PAPER, (), [e for e in PAPER.places if e not in names | {"one_mass"}])
+    task = simulated_task(structure, values, u, 0.005 * E.speed, dt=E.dt, f_tanh=200.0)
+    task = replace(task, fixed=fixed or {})
+    with ThreadPoolExecutor(1) as workers:
+        search = BorderSearch(task, lattice, workers)
+        search.fits.add([lattice.structure(mask) for mask in lattice.masks()], workers)
+        search.refined.begin_round(PAPER.parse(structure))
+        search.refined.of_all(list(search.fits.done))
+        return search.refined, lattice
+
+
+LIGHT = {"J1": 0.02, "J2": 0.004, "c1": 20.0, "M_C": 0.3}
+
+
+def test_unknown_sizes__shaft_without_damping__the_mass_is_known():
+    """Its inertia and its spring constant are, and no damping is at a bound or nearly so."""
+    refined, lattice = refined_of("two_mass+coulomb", {**LIGHT, "d1": 1e-5})
+    assert _unknown_sizes(refined, lattice, PAPER.parse("two_mass+coulomb")) == {}
+
+
+def test_without_doubtful__mass_and_gap_are_not_known__the_gap_goes_first(monkeypatch):
+    """Without the gap the mass is known."""
+    refined, lattice = refined_of("two_mass+coulomb", {**LIGHT, "d1": 0.02}, "backlash")
+    unknown = {True: {"two_mass": 0.0, "backlash": 0.1}, False: {}}
+    monkeypatch.setattr(doubtful, "_unknown_sizes", lambda refined, lattice, s: unknown["backlash" in s.names])
+    model, left_out = doubtful._without_doubtful(refined, lattice, PAPER.parse("two_mass+coulomb+backlash"), ())
+    assert str(model) == "two_mass+coulomb"
+    assert left_out == {"backlash": "unknown size"}
+
+
+def test_unknown_sizes__size_is_fixed__is_known():
+    refined, lattice = refined_of("one_mass+coulomb+gravity", {"J1": 0.024, "M_C": 0.3, "M_G": 0.1}, fixed={"M_G": 0.0})
+    assert "gravity" not in _unknown_sizes(refined, lattice, PAPER.parse("one_mass+coulomb+gravity"))

@@ -19,7 +19,7 @@ from brightgrey.search.adequacy import material_growth
 from brightgrey.search.fitting.anchors import anchors
 from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once
 from brightgrey.search.fitting.fit_table import FitTable
-from brightgrey.search.fitting.refined_fit import residual_and_jacobian, whitening_by
+from brightgrey.search.fitting.refined_fit import accurate, whitening_by
 from brightgrey.search.fitting.structure_fit import Options, StructureFit
 from brightgrey.search.further.proposals import (
     FURTHER_STARTS,
@@ -178,9 +178,8 @@ class OfferingSearch:
     def extended(self, own: StructureFit) -> StructureFit | None:
         """A fit with further effects that explain enough of what a structure leaves; None without any.
 
-        Each explains a notable part of what those before it leave, in most parts of the recordings unless it explains
-        all. Together they explain a third of what the best structure explains better, and more than all structures
-        with an effect that they exclude.
+        Each explains a notable part of what those before it leave. Together they explain a third of what the best
+        structure explains better, and more than all structures with an effect that they exclude.
         """
         best, reached = self.fits.best(), own
         for _ in range(min(FURTHER.at_once, FURTHER.most - len(self.offered))):
@@ -189,7 +188,7 @@ class OfferingSearch:
             larger = self.larger_than(reached)
             if larger is None and (reached is own or own.structure.masses == self.anchors[0].masses):
                 larger = self.larger_than(reached, bent=True)  # multistarts are cheap with the fewest masses only
-            if larger is None or not (self.helps_steadily(reached, larger) or self.is_explained(larger)):
+            if larger is None:
                 break
             reached = larger
         if reached is own:
@@ -209,10 +208,11 @@ class OfferingSearch:
         """A fit with the further effect that explains most of what a structure leaves; None if none is notable.
 
         First-order scores choose which are fitted. Dry friction that stands at another mass is tried in its place. Of
-        those that explain alike the one with fewest parameters is taken, and fitted by multistart if it is bent.
+        those that explain alike the one with fewest parameters is taken. It is fitted by multistart if it is bent, and
+        beside the fewest masses.
         """
         found = further_effects(self.task, own, self.more, self.seed) + moved_effects(self.task, own, self.more)
-        fits = self.fits.tried([_with_effect(own, f) for f in found], self.executor)
+        fits = self.steady(own, self.fits.tried([_with_effect(own, f) for f in found], self.executor))
         parameters = {f.structure: len(f.structure.parameters) for f in fits}
         most = max((own.cost - f.cost for f in fits), default=0.0)
         alike = [f for f in fits if own.cost - f.cost >= FURTHER.alike * most]
@@ -223,22 +223,42 @@ class OfferingSearch:
         if not (fewest or any(is_bent(p) for p in best.structure.placed if p not in own.structure.placed)):
             return best
         starts = self.options if fewest else FURTHER_STARTS
-        return min(best, fit_below(self.task, best.structure, best.cost, self.seed, starts), key=lambda f: f.cost)
+        anew = fit_below(self.task, best.structure, best.cost, self.seed, starts)
+        return anew if anew.cost < best.cost and self.steady(own, [anew]) else best
 
     def by_multistart(self, own: StructureFit) -> StructureFit | None:
         """A fit with the best of the bent effects, each by multistart; None if none is notable.
 
-        Beside a fit that is hardly better than one with as many masses none will be notable where none was.
+        It is not asked again beside a fit that is about as good, has as many masses, and had none.
         """
         asked = own.structure.masses, own.structure.has_hard_limit, self.lattice.atoms
-        if own.cost >= (1.0 - FURTHER.notable_gain) * self._without_bent.get(asked, np.inf):
+        if abs(own.cost - self._without_bent.get(asked, np.inf)) <= FURTHER.notable_gain * own.cost:
             return None
         bent = [p for p in self.more if is_bent(p)]
         found = effects_by_multistart(self.task, own, bent, self.seed, self.executor)
-        if not found:
-            self._without_bent[asked] = own.cost
-            return None
-        return self.fits.tried([_with_effect(own, found[0])], self.executor)[0]
+        for f in found:
+            (fit,) = self.steady(own, self.fits.tried([_with_effect(own, f)], self.executor)) or (None,)
+            if fit is not None:
+                return fit
+        self._without_bent[asked] = own.cost
+        return None
+
+    def steady(self, own: StructureFit, larger: Sequence[StructureFit]) -> list[StructureFit]:
+        """Those of some fits with further effects that help in most parts of the recordings, or explain all.
+
+        A rich structure follows model error with effects that are not there, here and there.
+        """
+        return [f for f in larger if self.helps_steadily(own, f) or self.is_explained(f)]
+
+    def helps_steadily(self, own: StructureFit, larger: StructureFit) -> bool:
+        """True if a fit leaves notably less than a smaller one at level ``accurate``, in most parts of the time."""
+        task = accurate(self.task)
+        without, beside = (
+            task.problem(f.structure).residuals({n: np.array([v]) for n, v in f.values.items()}, task.settings)[:, 0]
+            for f in (own, larger)
+        )
+        notable = float(beside @ beside) <= (1.0 - FURTHER.notable_gain) * float(without @ without)
+        return notable and gains_steadily(beside, without, self.task.recordings)
 
     def is_explained_better(self, own: StructureFit) -> bool:
         """True if a fit with one more effect explains what noise of the colour that it leaves would not by chance.
@@ -258,15 +278,6 @@ class OfferingSearch:
         ratio = (own.cost / positive(larger.cost) - 1.0) * left / more
         level = SELECTION.false_alarm_level / len(self.more)
         return left > 0.0 and float(distributions.f.sf(ratio, more, left)) <= level
-
-    def helps_steadily(self, own: StructureFit, larger: StructureFit) -> bool:
-        """True if a fit with further effects leaves notably less than one without, in most parts of the recordings.
-
-        A rich structure follows model error with effects that are not there, here and there.
-        """
-        without, beside = (residual_and_jacobian(self.task, f.structure, f.values)[0] for f in (own, larger))
-        notable = float(beside @ beside) <= (1.0 - FURTHER.notable_gain) * float(without @ without)
-        return notable and gains_steadily(beside, without, self.task.recordings)
 
     def fits_poorly(self) -> bool:
         """True if the best fit is poor, and its residual neither white nor within the accuracy of the simulation."""

@@ -38,7 +38,7 @@ from brightgrey.search.policy import BORDER, FURTHER
 from brightgrey.search.undecided.exchange_prediction import limiting_cases, linearised, without_effect
 from brightgrey.search.verdicts import Reason
 
-__all__ = ["open_choice", "rival_to_offer", "rivals_among", "rivals_beyond"]
+__all__ = ["containing_none", "open_choice", "rival_to_offer", "rivals_among", "rivals_beyond"]
 
 
 def rivals_beyond(
@@ -50,10 +50,8 @@ def rivals_beyond(
     fewer_masses: bool,
     known: Sequence[Refined] = (),
     within: Structure | None = None,
-) -> tuple[Refined, ...]:
+) -> list[Refined]:
     """Refined fits with other effects in the place of some that are adequate as those of the lattice are.
-
-    None of them contains another.
 
     Parameters
     ----------
@@ -84,37 +82,37 @@ def rivals_beyond(
         hard = False  # beside the best one only
         rivals += more
         queue += more
-    return _containing_none(rivals, found)
+    return rivals
 
 
 def rivals_among(
     detectability: Detectability,
-    found: Sequence[Structure],
     known: Sequence[tuple[Structure, Mapping[str, float]]],
-) -> tuple[Refined, ...]:
-    """Those of known structures beyond the lattice that are still adequate; none contains another.
+    within: Structure | None = None,
+) -> list[Refined]:
+    """Those of known structures beyond the lattice that are still adequate.
 
     Parameters
     ----------
     detectability : Detectability
         Of the round.
-    found : sequence of Structure
-        The minimal ones.
     known : sequence of (Structure, mapping of str to float)
         With the values, SI, from which they are fitted.
+    within : Structure, optional
+        As in :func:`rivals_beyond`.
     """
-    exchange = _Exchange(detectability, (), 0, [], None)
-    return _containing_none([end for end in exchange.ends(known) if exchange.is_adequate(end)], found)
+    exchange = _Exchange(detectability, (), 0, [], within)
+    return [end for end in exchange.ends(known) if exchange.is_adequate(end)]
 
 
-def _containing_none(rivals: Sequence[Refined], found: Sequence[Structure]) -> tuple[Refined, ...]:
-    """Rivals that contain neither a minimal structure nor another rival."""
+def containing_none(rivals: Sequence[Refined], found: Sequence[Structure]) -> tuple[Refined, ...]:
+    """Rivals that contain neither one of some structures nor another rival."""
     structures = [*found, *(r.structure for r in rivals)]
     return tuple(r for r in rivals if not any(contains(r.structure, s) for s in structures if s != r.structure))
 
 
 def rival_to_offer(
-    detectability: Detectability, found: Sequence[Structure], rivals: Sequence[Refined], among: int
+    detectability: Detectability, found: Sequence[Structure], rivals: Sequence[Refined], among: int, masses: int
 ) -> Refined | None:
     """The rival that refutes the minimal structures; else the simplest one with fewer masses, if there is any.
 
@@ -127,13 +125,15 @@ def rival_to_offer(
     rivals : sequence of Refined
     among : int
         Number of effects that were tried: the best of many gains more by chance.
+    masses : int
+        Least number of masses of the structures that the rivals are as good as.
     """
     own = min(detectability.refined.of_all(found), key=lambda r: r.deviance)
     best = min(rivals, key=lambda r: r.deviance, default=own)
     more = max(best.structure.masses - own.structure.masses, 0)
     if best.deviance < own.deviance - detectability.threshold(own.structure, best.free - own.free, more, among=among):
         return best
-    fewer = [r for r in rivals if r.structure.masses < min(s.masses for s in found)]
+    fewer = [r for r in rivals if r.structure.masses < masses]
     samples = detectability.refined.whitening.samples
     return min(fewer, key=lambda r: (r.structure.masses, bic(positive(r.deviance), samples, r.free)), default=None)
 

@@ -10,8 +10,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from brightgrey.effects import INERTIA, STIFFNESS
 from brightgrey.estimation.uncertainty.estimates import estimates_of
-from brightgrey.kit import Structure
+from brightgrey.kit import Placed, Structure
 from brightgrey.search.border import Border
 from brightgrey.search.fitting.refined_fit import RefinedFits, accurate
 from brightgrey.search.lattice import Lattice, has
@@ -80,16 +81,17 @@ def _without_doubtful(
 ) -> tuple[Structure, dict[str, ReasonKind]]:
     """A structure without doubtful effects, and those left out whose size is not known.
 
-    Of the latter that with the smallest t-statistic goes first: what it was confused with may be known without it. Of
-    those that help in some parts of the recordings only the least helpful one does. All of them together help in some
-    parts only, too. What does not help at all without those goes with them.
+    Of the latter that with the smallest t-statistic goes first, and masses last: what it was confused with may be known
+    without it. Of those that help in some parts of the recordings only the least helpful one does. All of them together
+    help in some parts only, too. What does not help at all without those goes with them.
     """
     own, left_out = first, dict[str, ReasonKind]()
     while True:
-        least = min(_unknown_sizes(refined, lattice, own).items(), key=lambda pair: pair[1], default=None)
-        if least is not None:
-            own = _smaller_by_one(refined, lattice, own)[least[0]]
-            left_out[least[0]] = "unknown size"
+        unknown = _unknown_sizes(refined, lattice, own)
+        if unknown:
+            least = min(unknown, key=lambda e: (Placed.parse(e).effect.masses > 0, unknown[e]))
+            own = _smaller_by_one(refined, lattice, own)[least]
+            left_out[least] = "unknown size"
             continue
         one_less = _smaller_by_one(refined, lattice, own)
         smaller = [s for e, s in one_less.items() if e in unsteady and not _is_steady(refined, first, s)]
@@ -103,24 +105,28 @@ def _without_doubtful(
 def _unknown_sizes(refined: RefinedFits, lattice: Lattice, structure: Structure) -> dict[str, float]:
     """Effects that may be left out and of whose size nothing is known, with what is known of it in parts of its error.
 
-    Its 95 % interval holds zero. Nothing is known of a mass or gap with a parameter at a bound, or with an interval
-    wider than a factor of ten, and of masses that swing too slowly.
+    The 95 % interval of that holds zero. Nothing is known of a mass either whose inertia or spring constant is at a
+    bound or has an interval wider than a factor of ten, of a gap like that, and of masses that swing too slowly. The
+    damping of a shaft is seldom known, and is not asked for.
     """
     own, task = refined.of(structure), refined.task
     problem, space = task.problem_and_space(structure)
     known = estimates_of(problem, space, accurate(task).settings, refined.optimum(structure)).by_name
     found = dict[str, float]()
     for placed in (p for i, p in enumerate(lattice.atoms) if lattice.optional >> i & 1 and p in structure.placed):
-        names = [placed.parameter(q.symbol) for q in placed.effect.parameters if placed.parameter(q.symbol) in known]
-        sizes = [placed.parameter(q.symbol) for q in placed.effect.parameters if q.size]
-        if placed.effect.masses or placed.effect.has_hard_limit:
-            ran = any(n in own.at_bound and n not in task.bounds for n in names)
-            wide = any(known[n].ci95[1] > SELECTION.wide_interval * known[n].ci95[0] for n in names)
-            if ran or wide or (placed.effect.masses and own.swings_slowly(task)):
-                found[str(placed)] = 0.0
-        for size in (known[n] for n in sizes if n in names):
-            if size.ci95[0] <= 0.0 <= size.ci95[1]:
-                found[str(placed)] = abs(size.value) / max(size.ci95[1] - size.value, size.value - size.ci95[0])
+        for q in placed.effect.parameters:
+            of_all = [n for n in known if n.partition("#")[0] == placed.parameter(q.symbol) and n not in task.fixed]
+            for low, high in (known[n].ci95 for n in of_all if q.size):
+                if not (low > 0.0 or high < 0.0):
+                    t = abs(low + high) / (high - low) if high > low else 0.0
+                    found[str(placed)] = min(t, found.get(str(placed), t))
+            firm = placed.effect.has_hard_limit or (placed.effect.masses and q.dimension in (INERTIA, STIFFNESS))
+            for n in (n for n in of_all if firm and n not in task.bounds):
+                low, high = known[n].ci95
+                if n in own.at_bound or not high <= SELECTION.wide_interval * low:
+                    found[str(placed)] = 0.0
+        if placed.effect.masses and own.swings_slowly(task):
+            found[str(placed)] = 0.0
     return found
 
 
