@@ -116,19 +116,23 @@ class Unsuspecting(BorderSearch):
         return False
 
 
+def search_of_one_mass(kind, task, pool):
+    """A search that has Coulomb and viscous friction, and may be offered any further effect."""
+    grammar = grammar_named("drive")
+
+    def with_effects(more, most=None):
+        return Lattice.of(grammar.offering(more), (), ("two_mass", "stribeck", "current_control", "delay", "gravity"))
+
+    return kind(task, with_effects(()), pool, 0, tuple(grammar.further), with_effects)
+
+
 @pytest.mark.parametrize(("stiffness", "offered"), [(0.2, ["ground_spring"]), (0.002, [])])
 def test_offer_further__model_error_not_seen__only_a_poor_fit_is_offered_effects(stiffness, offered):
     values = {"J1": 0.012, "M_C": 0.3, "c_g": stiffness}
     structure = "one_mass+coulomb+ground_spring"
     task = simulated_task(structure, values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=F_TANH, step=1e-3)
-    grammar = grammar_named("drive")
-    left_out = ("two_mass", "stribeck", "current_control", "delay", "gravity")
-
-    def with_effects(more, most=None):
-        return Lattice.of(grammar.offering(more), (), left_out)
-
     with ThreadPoolExecutor(1) as pool:
-        search = Unsuspecting(task, with_effects(()), pool, 0, tuple(grammar.further), with_effects)
+        search = search_of_one_mass(Unsuspecting, task, pool)
         search.fit(search.anchors)
         assert search.fits_poorly() == bool(offered)
         assert search.offer_further(1) == bool(offered)
@@ -158,14 +162,8 @@ def test_larger_than__most_helpful_effect_is_not_steady__the_next_one_is_taken(m
     values = {"J1": 0.012, "M_C": 0.3, "f_v": 0.02, "c_g": 0.2}
     structure = "one_mass+coulomb+viscous+ground_spring"
     task = simulated_task(structure, values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=F_TANH, step=1e-3)
-    grammar = grammar_named("drive")
-    left_out = ("two_mass", "stribeck", "current_control", "delay", "gravity")
-
-    def with_effects(more, most=None):
-        return Lattice.of(grammar.offering(more), (), left_out)
-
     with ThreadPoolExecutor(1) as pool:
-        search = BorderSearch(task, with_effects(()), pool, 0, tuple(grammar.further), with_effects)
+        search = search_of_one_mass(BorderSearch, task, pool)
         search.fit(search.anchors)
         (own,) = search.best_with(1)
         first = search.larger_than(own)
