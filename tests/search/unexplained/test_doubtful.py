@@ -105,12 +105,12 @@ def test_with_model__effect_that_the_model_lacks__is_said(model, said):
     assert with_model(card, WITH_GRAVITY, model).reason == said
 
 
-def refined_of(structure, values, *others, fixed=None):
+def refined_of(structure, values, *others, fixed=None, bounds=None):
     """Refined fits of a lattice with the effects of a drive, and `others`, on a recording of it; and the lattice."""
     u, names = E.torque()[:900], {*structure.split("+"), *others}
     lattice = Lattice.of(PAPER, (), [e for e in PAPER.places if e not in names | {"one_mass"}])
     task = simulated_task(structure, values, u, 0.005 * E.speed, dt=E.dt, f_tanh=200.0)
-    task = replace(task, fixed=fixed or {})
+    task = replace(task, fixed=fixed or {}, bounds=bounds or {})
     with ThreadPoolExecutor(1) as workers:
         search = BorderSearch(task, lattice, workers)
         search.fits.add([lattice.structure(mask) for mask in lattice.masks()], workers)
@@ -141,3 +141,11 @@ def test_without_doubtful__mass_and_gap_are_not_known__the_gap_goes_first(monkey
 def test_unknown_sizes__size_is_fixed__is_known():
     refined, lattice = refined_of("one_mass+coulomb+gravity", {"J1": 0.024, "M_C": 0.3, "M_G": 0.1}, fixed={"M_G": 0.0})
     assert "gravity" not in _unknown_sizes(refined, lattice, PAPER.parse("one_mass+coulomb+gravity"))
+
+
+def test_unknown_sizes__at_a_bound_of_the_user__is_known():
+    values, bounds = {"J1": 0.024, "M_C": 0.3}, {"M_C": (0.01, 0.2)}
+    refined, lattice = refined_of("one_mass+coulomb", values, bounds=bounds)
+    own = PAPER.parse("one_mass+coulomb")
+    assert refined.of(own).at_bound == ("M_C",)
+    assert _unknown_sizes(refined, lattice, own) == {}

@@ -112,16 +112,17 @@ def _unknown_sizes(refined: RefinedFits, lattice: Lattice, structure: Structure)
     own, task = refined.of(structure), refined.task
     problem, space = task.problem_and_space(structure)
     known = estimates_of(problem, space, accurate(task).settings, refined.optimum(structure)).by_name
+    given = {*task.fixed, *(n for n in own.at_bound if n in task.bounds)}
     found = dict[str, float]()
     for placed in (p for i, p in enumerate(lattice.atoms) if lattice.optional >> i & 1 and p in structure.placed):
         for q in placed.effect.parameters:
-            of_all = [n for n in known if n.partition("#")[0] == placed.parameter(q.symbol) and n not in task.fixed]
+            of_all = [n for n in known if n.partition("#")[0] == placed.parameter(q.symbol) and n not in given]
             for low, high in (known[n].ci95 for n in of_all if q.size):
                 if not (low > 0.0 or high < 0.0):
                     t = abs(low + high) / (high - low) if high > low else 0.0
                     found[str(placed)] = min(t, found.get(str(placed), t))
             firm = placed.effect.has_hard_limit or (placed.effect.masses and q.dimension in (INERTIA, STIFFNESS))
-            for n in (n for n in of_all if firm and n not in task.bounds):
+            for n in (n for n in of_all if firm):
                 low, high = known[n].ci95
                 if n in own.at_bound or not high <= SELECTION.wide_interval * low:
                     found[str(placed)] = 0.0
