@@ -5,9 +5,12 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.kit import PAPER
+from brightgrey.kit import PAPER, Placed
+from brightgrey.search import border_search
+from brightgrey.search.border import Border
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.lattice import Lattice
+from brightgrey.search.unexplained.doubtful import Doubts
 from support.searches import simulated_task
 
 VALUES = {
@@ -39,3 +42,27 @@ def test_run__four_masses_that_single_batches_miss__patient_multistarts_find_the
         border = search.run()
         assert search.is_explained()
     assert [lattice.structure(m) for m in border.minimal] == [truth]
+
+
+BEYOND = ("improves_simplest", "offer_further", "offer_mass_left_out", "offer_mass")
+
+
+@pytest.mark.parametrize(("masses", "asked"), [(1, ["offer_further"]), (2, [*BEYOND])])
+def test_goes_further__doubtful_mass__calls_for_no_other(monkeypatch, masses, asked):
+    """Where effects have been offered and model error remains, and the model without doubtful effects has one mass."""
+    one, two = (PAPER.parse(f"{name}+viscous") for name in ("one_mass", "two_mass"))
+    doubts = Doubts((two,), one if masses == 1 else two, {})
+    monkeypatch.setattr(border_search, "doubts_about", lambda *args: doubts)
+    calls = []
+    for name in BEYOND:
+        monkeypatch.setattr(BorderSearch, name, lambda search, *args, name=name: calls.append(name))
+    monkeypatch.setattr(BorderSearch, "has_model_error", lambda search: True)
+    monkeypatch.setattr(BorderSearch, "simplest", lambda search, border: two)
+    lattice = Lattice.of(PAPER, exclude=[e for e in PAPER.places if e not in ("one_mass", "two_mass", "viscous")])
+    task = simulated_task("one_mass+viscous", {"J1": 0.02, "f_v": 0.02}, E.torque()[:300], 0.05, dt=E.dt, f_tanh=100.0)
+    with ThreadPoolExecutor(1) as pool:
+        search = BorderSearch(task, lattice, pool)
+        search.offered = (Placed("viscous", 2),)
+        mask = lattice.mask(two)
+        assert not search.goes_further(Border(mask, 0.0, (mask,), (), (), {mask: 0.0}, frozenset({mask})))
+    assert calls == asked

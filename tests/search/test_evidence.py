@@ -8,12 +8,14 @@ import pytest
 
 from brightgrey.estimation import scales
 from brightgrey.estimation.noise.error_floor import TRUSTED_ACCURACY
-from brightgrey.kit import PAPER, Placed
+from brightgrey.kit import PAPER, Placed, Structure
 from brightgrey.kit.in_words import effect_in_words
 from brightgrey.recordings import Signal
 from brightgrey.search import IdentificationTask
 from brightgrey.search.border_search import BorderSearch
+from brightgrey.search.evidence import _Case
 from brightgrey.search.lattice import contains
+from brightgrey.search.unexplained.doubtful import Doubts
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 from support.searches import decided, simulated_task, task_of_arrays
@@ -301,3 +303,14 @@ def test_evidence__much_better_alternative__not_minimal():
     trusted = float(task.error_floor(task.problem(found.minimal[0].structure).weights, TRUSTED_ACCURACY).sum())
     assert min(j.cost for j in found.minimal) < trusted
     assert max(j.cost for j in found.minimal) < 1.02 * trusted
+
+
+def test_compared__rival_of_a_model_without_an_effect__says_nothing_of_that_effect():
+    """The rival lacks gravity since the model does; of viscous friction, which the model has, it does say something."""
+    minimal, model = (PAPER.parse(s) for s in ("two_mass+viscous+gravity", "two_mass+viscous"))
+    rival = Structure.parse("two_mass+viscous@2")
+    case = _Case(None, None, Doubts((minimal,), model, {"gravity": "unknown size"}), None, (rival,))
+    assert case.compared("gravity") == (minimal,)
+    assert case.compared("viscous") == (minimal, rival)
+    assert not case.is_open("gravity")
+    assert case.is_open("viscous")

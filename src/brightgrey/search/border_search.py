@@ -81,13 +81,13 @@ class BorderSearch(OfferingSearch):
     def goes_further(self, border: Border) -> bool:
         """Fit, or offer, what the border calls for; returns False if that is nothing.
 
-        Where nothing explains the recordings with the effects that were offered, a mass that is doubtful itself calls
-        for no other.
+        Where effects were offered and nothing explains the recordings, a doubtful mass calls for no other.
         """
         found = [self.lattice.structure(m) for m in border.minimal]
         masses = min(s.masses for s in found)
         if self.offered and self.has_model_error():
-            doubts = doubts_about(self.refined, self.lattice, border, sorted(found, key=self.simplest(border).__ne__))
+            found.sort(key=self.simplest(border).__ne__)  # that one first
+            doubts = doubts_about(self.refined, self.lattice, border, found)
             if doubts.model.masses < doubts.found[0].masses:
                 return self.offer_further(masses)
         return (

@@ -237,9 +237,9 @@ class OfferingSearch:
         bent = [p for p in self.more if is_bent(p)]
         found = effects_by_multistart(self.task, own, bent, self.seed, self.executor)
         for f in found:
-            (fit,) = self.steady(own, self.fits.tried([_with_effect(own, f)], self.executor)) or (None,)
-            if fit is not None:
-                return fit
+            steady = self.steady(own, self.fits.tried([_with_effect(own, f)], self.executor))
+            if steady:
+                return steady[0]
         self._without_bent[asked] = own.cost
         return None
 
