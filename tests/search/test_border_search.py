@@ -7,9 +7,10 @@ import pytest
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER, Placed
 from brightgrey.search import border_search
-from brightgrey.search.border import Border
+from brightgrey.search.border import Border, Refutation
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.lattice import Lattice
+from brightgrey.search.policy import BORDER
 from brightgrey.search.unexplained.doubtful import Doubts
 from support.searches import simulated_task
 
@@ -66,3 +67,27 @@ def test_goes_further__doubtful_mass__calls_for_no_other(monkeypatch, masses, as
         mask = lattice.mask(two)
         assert not search.goes_further(Border(mask, 0.0, (mask,), (), (), {mask: 0.0}, frozenset({mask})))
     assert calls == asked
+
+
+@pytest.mark.parametrize(("excess", "restarts"), [(0.9, BORDER.restarts), (1.1, 0)])
+def test_restart__refutation_far_above_chance__is_not_gone_into(monkeypatch, excess, restarts):
+    """An excess beyond that multiple of the threshold is no missed optimum, as a rule: a multistart costs seconds."""
+    lattice = Lattice.of(PAPER, exclude=[e for e in PAPER.places if e not in ("one_mass", "viscous", "coulomb")])
+    viscous, coulomb = (1 << lattice.index(e) for e in ("viscous", "coulomb"))
+    monkeypatch.setattr(BorderSearch, "has_model_error", lambda search: False)
+    monkeypatch.setattr(BorderSearch, "beside_refuted", lambda search, found, border: found.mask)
+    restarted = []
+
+    def restart_at(search, structure):
+        search.restarts[structure] = search.restarts.get(structure, 0) + 1
+        restarted.append(str(structure))
+
+    monkeypatch.setattr(BorderSearch, "restart_at", restart_at)
+    task = simulated_task("one_mass+viscous", {"J1": 0.02, "f_v": 0.02}, E.torque()[:300], 0.05, dt=E.dt, f_tanh=100.0)
+    with ThreadPoolExecutor(1) as pool:
+        search = BorderSearch(task, lattice, pool)
+        refuted = Refutation(coulomb, excess * BORDER.far * 10.0, 10.0, coulomb)
+        border = Border(viscous, 0.0, (viscous,), (refuted,), (), {viscous: 0.0}, frozenset({viscous}))
+        while search.restart(border):
+            pass
+    assert restarted == ["one_mass+coulomb"] * restarts

@@ -23,7 +23,8 @@ __all__ = ["coarse_task", "decimated"]
 
 def coarse_task(task: IdentificationTask, policy: CoarsePolicy = COARSE) -> IdentificationTask:
     """The task with every k-th sample, for the largest k that all recordings allow; `task` itself if that is 1."""
-    factor = min(_largest_factor(r, task.scales.inertia, policy) for r in task.recordings)
+    most = min(policy.largest_factor, sum(r.samples for r in task.recordings) // policy.least_samples)
+    factor = min(_largest_factor(r, task.scales.inertia, most, policy) for r in task.recordings)
     return task if factor == 1 else replace(task, recordings=tuple(decimated(r, factor) for r in task.recordings))
 
 
@@ -46,13 +47,11 @@ def decimated(recording: Recording, factor: int) -> Recording:
     return replace(r, t=r.t[: last + 1 : factor], u=u, y=y)
 
 
-def _largest_factor(recording: Recording, inertia: float, policy: CoarsePolicy) -> int:
-    """Largest factor that keeps the input's power, and whose error moves a rigid drive by less than the noise."""
+def _largest_factor(recording: Recording, inertia: float, most: int, policy: CoarsePolicy) -> int:
+    """Largest factor up to `most` that keeps the input's power, and whose error moves a rigid drive by less than the noise."""
     r = recording
     noise = np.maximum(output_noise(r), policy.min_relative_noise * r.y.std(axis=1))
-    for factor in range(policy.largest_factor, 1, -1):
-        if r.samples < policy.least_samples * factor:
-            continue
+    for factor in range(most, 1, -1):
         lost = _interpolated(r, factor) - r.u
         if lost @ lost > policy.allowed_loss * float(np.square(r.u - r.u.mean()).sum()):
             continue

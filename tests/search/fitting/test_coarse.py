@@ -1,0 +1,54 @@
+"""A search leaves out samples where input and noise allow it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from brightgrey.search.fitting.coarse import coarse_task, decimated
+from brightgrey.search.policy import COARSE
+from support.searches import simulated_task
+
+DT = 1e-3
+T = DT * np.arange(2 * COARSE.least_samples + 1)
+SLOW = 3.0 * np.sin(2.0 * np.pi * 1.0 * T)
+VALUES = {"J1": 0.02, "f_v": 0.03}
+
+
+@pytest.fixture(scope="module")
+def task():
+    """A slow motion of two to three times as many samples as have to be kept, and noise of a twentieth of it."""
+    return simulated_task("one_mass+viscous", VALUES, SLOW, 1.0, dt=DT, f_tanh=50.0)
+
+
+@pytest.mark.parametrize(("recordings", "factor"), [(1, 2), (2, 4), (4, 8), (9, COARSE.largest_factor)])
+def test_coarse_task__slow_motion__keeps_least_number_of_samples_of_all_recordings(task, recordings, factor):
+    coarse = coarse_task(replace(task, recordings=task.recordings * recordings))
+    assert [r.dt for r in coarse.recordings] == pytest.approx([factor * DT] * recordings)
+    assert sum(r.samples for r in coarse.recordings) >= COARSE.least_samples
+
+
+def test_coarse_task__few_samples_or_fast_input__same_task(task):
+    (whole,) = task.recordings
+    short = replace(task, recordings=(replace(whole, t=whole.t[:-2], u=whole.u[:-2], y=whole.y[:, :-2]),))
+    fast = replace(task, recordings=(replace(whole, u=SLOW + 3.0 * np.sin(2.0 * np.pi * 400.0 * T)),) * 4)
+    assert coarse_task(short) is short
+    assert coarse_task(fast) is fast
+
+
+def test_decimated__held_input__same_impulse():
+    held = simulated_task("one_mass+viscous", VALUES, SLOW, 0.01, dt=DT, f_tanh=50.0).recordings[0]
+    held = replace(held, hold="zoh")
+    coarse = decimated(held, 5)
+    assert coarse.samples == (held.samples - 1) // 5 + 1
+    assert coarse.u[:-1].sum() * coarse.dt == pytest.approx(held.u[: 5 * (coarse.samples - 1)].sum() * DT)
+
+
+def test_decimated__differenced_speed__difference_over_the_longer_interval():
+    (recording,) = simulated_task("one_mass+viscous", VALUES, SLOW, 0.01, dt=DT, f_tanh=50.0).recordings
+    angle = np.cumsum(recording.y[0]) * DT
+    differenced = np.diff(angle, prepend=0.0) / DT
+    (signal,) = recording.outputs
+    whole = replace(recording, y=differenced[None], outputs=(replace(signal, kind="velocity-differenced"),))
+    coarse = decimated(whole, 4)
+    assert coarse.y[0, 1:] == pytest.approx(np.diff(angle[: coarse.samples * 4 : 4]) / coarse.dt)
