@@ -48,7 +48,7 @@ def decimated(recording: Recording, factor: int) -> Recording:
 
 
 def _largest_factor(recording: Recording, inertia: float, most: int, policy: CoarsePolicy) -> int:
-    """Largest factor up to `most` that keeps the input's power, and whose error moves a rigid drive by less than the noise."""
+    """Largest factor up to `most` that keeps the input's power, and whose error moves a rigid drive less than noise."""
     r = recording
     noise = np.maximum(output_noise(r), policy.min_relative_noise * r.y.std(axis=1))
     for factor in range(most, 1, -1):
