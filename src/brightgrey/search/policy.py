@@ -145,6 +145,7 @@ class CoarsePolicy:
 
     largest_factor: int = 10
     least_samples: int = 2000  #: Samples that all recordings keep together.
+    least_of_each: int = 500  #: Samples that every recording keeps: its noise has a model of its own.
     #: Largest error of the motion of a rigid drive, as part of the noise of each output.
     allowed_error: float = 0.5
     #: Part of the input's power that may be lost: more may excite a resonance.

@@ -23,7 +23,8 @@ __all__ = ["coarse_task", "decimated"]
 
 def coarse_task(task: IdentificationTask, policy: CoarsePolicy = COARSE) -> IdentificationTask:
     """The task with every k-th sample, for the largest k that all recordings allow; `task` itself if that is 1."""
-    most = min(policy.largest_factor, sum(r.samples for r in task.recordings) // policy.least_samples)
+    samples = [r.samples for r in task.recordings]
+    most = min(policy.largest_factor, sum(samples) // policy.least_samples, min(samples) // policy.least_of_each)
     factor = min(_largest_factor(r, task.scales.inertia, most, policy) for r in task.recordings)
     return task if factor == 1 else replace(task, recordings=tuple(decimated(r, factor) for r in task.recordings))
 
