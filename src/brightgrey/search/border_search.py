@@ -307,24 +307,27 @@ class BorderSearch(OfferingSearch):
         return structure in self.anchors or structure in self.tops
 
     def restart(self, border: Border) -> bool:
-        """Restart where refutations rest that are not far above chance; returns False if nothing is left to do."""
+        """Restart where refutations rest, the nearest first; returns False if nothing is left to do."""
         once = self.has_model_error()  # no optimum is the truth then, and one multistart has to do
         far = self.policy.far * max((r.threshold for r in border.refuted), default=0.0)
-        nearest = sorted((r for r in border.refuted if r.excess <= far), key=lambda r: r.excess / r.threshold)
+        nearest = sorted(border.refuted, key=lambda r: r.excess / r.threshold)
         for found in nearest:
             structure = self.lattice.structure(self.beside_refuted(found, border))
-            if self.lacks_agreement(structure, 1 if once else None):
+            is_far = found.excess > far
+            hopeless = is_far and structure.has_hard_limit
+            if not hopeless and self.lacks_agreement(structure, 1 if is_far or once else None):
                 self.restart_at(structure)
                 return True
         for found in nearest:
-            # further masses or a gap may have an optimum that the anchor has no place for
-            beside = self.beside_refuted(found, border) | found.mask & hard_limits(self.lattice)
-            for mask in (found.mask & ~hard_limits(self.lattice), *([beside] if self.thorough else [])):
-                structure = self.lattice.structure(self.lattice.within(mask))
-                if self.lacks_agreement(structure, 1):
-                    self.fit([structure])
-                    self.restart_at(structure)
-                    return True
+            if found.excess <= far:
+                # further masses or a gap may have an optimum that the anchor has no place for
+                beside = self.beside_refuted(found, border) | found.mask & hard_limits(self.lattice)
+                for mask in (found.mask & ~hard_limits(self.lattice), *([beside] if self.thorough else [])):
+                    structure = self.lattice.structure(self.lattice.within(mask))
+                    if self.lacks_agreement(structure, 1):
+                        self.fit([structure])
+                        self.restart_at(structure)
+                        return True
         return False
 
     def confirm(self, border: Border) -> bool:

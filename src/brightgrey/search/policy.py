@@ -105,13 +105,13 @@ class BorderPolicy:
     rounds: int = 3  #: Rounds, each with a noise model of its own.
     agreeing: int = 3  #: Independent starts that have to end at the best optimum of a refuted structure.
     restarts: int = 2  #: Multistarts for that, of one structure.
-    restarts_costly: int = 1  #: With a hard limit.
+    restarts_costly: int = 1  #: With a hard limit, or where the excess is far above its threshold.
     restarts_unconfirmed: int = 4  #: Where no independent start has ended at that optimum yet.
     #: Multiple of its threshold up to which an excess has to be confirmed by an independent start. In bench/recovery.py
     #: 10 of 44 effects were not there whose excess was less and not confirmed, and 1 of 191 with more.
     sure: float = 16.0
     patience: int = 2  #: Batches without improvement after which a patient multistart ends.
-    far: float = 4.0  #: Multiple of the largest threshold above which an excess is far above chance.
+    far: float = 4.0  #: Multiple of the largest threshold above which an excess is far above it.
     side_by_side: int = 2  #: Largest undecided structures that are fitted in parallel.
     fields: int = 2  #: Parts of a multistart that are made in parallel.
     max_fits: int = 150  #: Structures that are fitted at most.
