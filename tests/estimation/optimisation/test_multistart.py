@@ -103,7 +103,7 @@ def test_multistart__cost_that_no_start_gets_below__descents_are_given_up(demo):
     settings = Settings(1.0, space.scales.speed, "fast")
 
     def found(cost):
-        return multistart(problem, space, settings, [], starts=4, patience=0, seed=1, cost_to_beat=cost)
+        return multistart(problem, space, settings, None, starts=4, patience=0, seed=1, cost_to_beat=cost)
 
     whole = found(np.inf)
     best = min(end.cost for end in whole.optima)
@@ -224,7 +224,7 @@ def test_multistart__white_and_agreeing__ends_after_one_batch(demo, seed):
         SimulationErrorProblem.of(structure, [demo]),
         Settings(f_tanh=2.5, speed_scale=40.0, level="fast"),
     )
-    found = multistart(problem, space, settings, [], starts=8, patience=4, seed=seed)
+    found = multistart(problem, space, settings, None, starts=8, patience=4, seed=seed)
     batch = 8 + 2  # two balance the torques
     costs = sorted(optimum.cost for optimum in found.optima[:batch])
     agree = costs[1] <= (1.0 + SAME_OPTIMUM_RTOL) * costs[0]
@@ -235,11 +235,26 @@ def test_multistart__other_structure_leaves_less__white_residual_does_not_end_it
     structure = PAPER.parse("two_mass+coulomb+viscous+stribeck")
     space, problem = parameter_space(structure, scales(demo), {}, {}), SimulationErrorProblem.of(structure, [demo])
     settings = Settings(f_tanh=2.5, speed_scale=40.0, level="fast")
-    ended = multistart(problem, space, settings, [], starts=8, patience=3, seed=0)
+    ended = multistart(problem, space, settings, None, starts=8, patience=3, seed=0)
     least = min(optimum.cost for optimum in ended.optima)
-    further = multistart(problem, space, settings, [], starts=8, patience=3, seed=0, enough=0.5 * least)
+    further = multistart(problem, space, settings, None, starts=8, patience=3, seed=0, enough=0.5 * least)
     assert len(further.optima) > len(ended.optima)
     assert min(optimum.cost for optimum in further.optima) <= least
+
+
+def test_multistart__given_optimum__is_no_independent_start(demo):
+    structure = PAPER.parse("one_mass+viscous")
+    space, problem = parameter_space(structure, scales(demo), {}, {}), SimulationErrorProblem.of(structure, [demo])
+    settings = Settings(f_tanh=2.5, speed_scale=40.0, level="fast")
+    free = multistart(problem, space, settings, None, starts=1, patience=0, seed=0)
+    assert free.agreeing == 1  # the declared start
+    (optimum,) = free.optima
+    given = multistart(problem, space, settings, [space.by_name(optimum.values)], starts=1, patience=0, seed=0)
+    assert len(given.optima) == 1
+    assert given.optima[0].cost == pytest.approx(optimum.cost, rel=1e-3)
+    assert given.agreeing == 0
+    drawn = multistart(problem, space, settings, [], starts=1, patience=0, seed=0)
+    assert not np.array_equal(drawn.starts[:, 0], free.starts[:, 0])  # a sample, not the declared start
 
 
 def test_agreeing_starts__dependent_starts__do_not_count():

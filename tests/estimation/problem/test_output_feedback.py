@@ -103,7 +103,7 @@ def test_multistart__sticking_drive__is_found(seed):
         parameter_space(structure, scales([r]), {}, {}),
     )
     settings = replace(SETTINGS, speed_scale=scales([r]).speed)
-    found = multistart(problem, space, settings, [], starts=8, patience=1, seed=seed)
+    found = multistart(problem, space, settings, None, starts=8, patience=1, seed=seed)
     true = problem.costs({name: np.array([value]) for name, value in values.items()}, settings)[0]
     assert min(end.cost for end in found.optima) <= 2.0 * true
 
@@ -116,6 +116,6 @@ def test_multistart__light_motor_rattling_at_a_heavy_load__is_found():
         SimulationErrorProblem.of(structure, [r], initial="rest"),
         parameter_space(structure, scales([r]), {}, {}),
     )
-    found = multistart(problem, space, SETTINGS, [], starts=8, patience=4, seed=0)
+    found = multistart(problem, space, SETTINGS, None, starts=8, patience=4, seed=0)
     true = problem.costs({name: np.array([value]) for name, value in values.items()}, SETTINGS)[0]
     assert min(end.cost for end in found.optima) <= 1.02 * true  # ENOUGH of bench/global_optimum.py

@@ -205,7 +205,7 @@ def test_restart_many__much_better_fit__its_optimum_is_a_start(task, costs, begu
     fits.done.update({s: StructureFit(s, {}, costs[name], complexity(s)) for name, s in names.items()})
     asked = Asked(fits)
     fits.restart_many([names[name] for name in begun], 1, asked)
-    starts = [[str(f.structure) for f in known] for *_, known, _ in asked.calls]
+    starts = [[str(f.structure) for f in known] for *_, known, _, _ in asked.calls]
     assert starts == [[name, *more] for name, more in begun.items()]
 
 
@@ -217,9 +217,22 @@ def test_restart_many__supermodel_with_a_redundant_effect__begins_where_it_has_i
     fits.done[larger] = StructureFit(larger, {}, 40.0, 8, ("coulomb",), equals=same)
     asked = Asked(fits)
     fits.restart_many([own], 1, asked)
-    ((*_, known, enough),) = asked.calls
+    ((*_, known, enough, to_beat),) = asked.calls
     assert [f.structure for f in known] == [own, same]
     assert enough == pytest.approx(40.0, rel=0.01)  # the best structure leaves so much
+    assert to_beat == 100.0
+
+
+@pytest.mark.parametrize(("name", "begun"), [("two_mass+coulomb", [1, 0]), ("two_mass+backlash", [1, 1])])
+def test_restart_many__several_fields__known_optimum_once_unless_others_are_drawn_around_it(task, name, begun):
+    own = PAPER.parse(name)
+    fits = FitTable(task, [own])
+    fits.done[own] = StructureFit(own, {}, 100.0, 7)
+    asked = Asked(fits)
+    fits.restart_many([own], 0, asked, fields=2)
+    assert [len(known) for *_, known, _, _ in asked.calls] == begun
+    seeds = {seed for *_, seed, _, _, _ in asked.calls}
+    assert len(seeds) == 2
 
 
 def test_refit_from_supermodel__an_effect_that_it_lacks__begins_where_it_vanishes_or_just_matters(task):

@@ -346,14 +346,14 @@ def test_multistart__hard_limit__simulations_counted(given):
     values = {**PAPER_EXPERIMENT.values, "alpha": 0.02}
     gap = task_of(reference_recording(truth, {name: values[name] for name in truth.parameters}))
     space, whole = gap.space(truth, nuisances=True), gap.problem(truth)
-    found = multistart(whole, space, gap.settings, [], starts=3, patience=1, seed=0)
+    found = multistart(whole, space, gap.settings, None, starts=3, patience=1, seed=0)
     assert found.simulations.samples == sum(samples for _, samples in given)
 
 
 def test_multistart__resonance_scan__simulations_counted(task, given):
     simple = PAPER.parse("two_mass+viscous")  # leaves a coloured residual
     problem, space = task.problem(simple), task.space(simple, nuisances=True)
-    found = multistart(problem, space, task.settings, [], starts=3, patience=2, seed=0)
+    found = multistart(problem, space, task.settings, None, starts=3, patience=2, seed=0)
     assert max(sets for sets, _ in given) > 500
     assert found.simulations == SimulationCount(*(sum(column) for column in zip(*given, strict=True)))
 

@@ -139,7 +139,7 @@ def _best_residual(context: FitContext, problem: SimulationErrorProblem) -> Arra
     structure, settings = problem.structure, replace(context.settings, level="fast")
     fixed = {name: value for name, value in context.space.fixed.items() if name in structure.parameters}
     space = parameter_space(structure, scales(problem.recordings), {}, fixed, problem.nuisances)
-    starts = first_starts(problem, space, settings, (), FAULT_DEFAULTS.sign_starts, np.random.default_rng(0))
+    starts = first_starts(problem, space, settings, None, FAULT_DEFAULTS.sign_starts, np.random.default_rng(0))
     optima = fit_many(problem, space, settings, np.column_stack(starts), cost_to_beat=np.inf)
     best = min(optima, key=lambda optimum: optimum.cost)
     return problem.residuals(space.named(best.values[:, None]), settings)[:, 0]

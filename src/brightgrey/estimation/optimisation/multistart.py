@@ -91,7 +91,7 @@ def multistart(
     problem: SimulationErrorProblem,
     space: ParameterSpace,
     settings: Settings,
-    given: Sequence[Mapping[str, float]],
+    given: Sequence[Mapping[str, float]] | None,
     *,
     starts: int,
     patience: int,
@@ -107,8 +107,9 @@ def multistart(
     problem : SimulationErrorProblem
     space : ParameterSpace
     settings : Settings
-    given : sequence of mapping of str to float
-        Starts of the first batch, SI. Together with the declared start they are filled up with samples.
+    given : sequence of mapping of str to float, optional
+        Starts of the first batch, SI, in place of the declared one; samples fill it up. They may be earlier optima, so
+        they do not count as independent.
     starts : int
         Starts per batch. Some more balance the torques.
     patience : int
@@ -123,16 +124,16 @@ def multistart(
     """
     patience = int(options.hard_limit_patience * patience) if problem.has_hard_limit else patience
     search = _Multistart(problem, space, settings, options, starts, enough, cost_to_beat)
-    first = _first_starts(space, given, starts)
+    first = _first_starts(space, given)
     if given and _grows(problem):  # the first part of a recording may lose the quality of a given start
-        search.descend([], _StartBatch(first[: len(given)], [False] * len(given)), search.agreeing)
+        search.descend([], first, search.agreeing)
     for number in range(1 + options.max_batches * patience):
         search.next_batch(number, first, np.random.default_rng([seed, number]))
         if patience > 1 and search.idle % options.scan_interval == 1:
             search.scan_resonances()
         if search.idle >= patience or not space.names or search.is_finished(patience):
             break
-        first = [] if search.leader.converged else [search.leader.values]
+        first = _StartBatch([], []) if search.leader.converged else _StartBatch([search.leader.values], [False])
     return search.result()
 
 
@@ -178,7 +179,7 @@ class _Multistart:
         evaluations = sum(batch.evaluations for batch in self.batches)
         return MultistartResult(starts, tuple(self.optima), evaluations, simulations, agreeing_starts(self.batches))
 
-    def next_batch(self, number: int, first: list[Array], rng: np.random.Generator) -> None:
+    def next_batch(self, number: int, first: _StartBatch, rng: np.random.Generator) -> None:
         """Choose the starts of a batch, `first` among them, and descend from them."""
         missing = self.agreeing - agreeing_starts(self.batches)
         stages = _stages(self.problem, number, self.options, rng)
@@ -189,11 +190,7 @@ class _Multistart:
         self.idle = 0 if self.batches[-1].least_cost < self.options.improvement * least else self.idle + 1
 
     def choose_starts(
-        self,
-        easiest: SimulationErrorProblem,
-        first: list[Array],
-        rng: np.random.Generator,
-        number: int = 0,
+        self, easiest: SimulationErrorProblem, first: _StartBatch, rng: np.random.Generator, number: int = 0
     ) -> _StartBatch:
         """Starts of one batch: the `first` ones, and equally many samples and perturbed optima.
 
@@ -201,11 +198,11 @@ class _Multistart:
         `easiest` problem, on which the descents begin.
         """
         space, settings, options, optima = self.space, self.settings, self.options, self.optima
-        missing = max(self.starts - len(first), 0)
+        missing = max(self.starts - len(first.starts), 0)
         beside = self.starts if optima else 0
         wanted, near = (missing - missing // 2, missing // 2) if number else (missing, beside)
         if not (wanted or near) or not space.names:
-            return _StartBatch(first, [number == 0] * len(first))
+            return first
         samples = space.sample(options.candidates_per_parameter * (1 + len(space.names)), rng)
         fresh, count = self.fresh_starts(easiest, samples, wanted)
         tuned, rest = list[Array](), list[Array]()
@@ -217,8 +214,8 @@ class _Multistart:
                 tuned, tuning = self.starts_at_peaks(near // 2, rng)
                 count += tuning
             rest = best_diverse(easiest, space, settings, perturbed, near - len(tuned), options.start_points)
-        independent = [number == 0] * len(first) + [True] * len(fresh) + [False] * len(tuned + rest)
-        return _StartBatch(first + fresh + tuned + rest, independent, count)
+        independent = first.independent + [True] * len(fresh) + [False] * len(tuned + rest)
+        return _StartBatch(first.starts + fresh + tuned + rest, independent, count)
 
     def fresh_starts(
         self, easiest: SimulationErrorProblem, samples: Array, count: int
@@ -334,13 +331,13 @@ def first_starts(
     problem: SimulationErrorProblem,
     space: ParameterSpace,
     settings: Settings,
-    given: Sequence[Mapping[str, float]],
+    given: Sequence[Mapping[str, float]] | None,
     starts: int,
     rng: np.random.Generator,
 ) -> list[Array]:
-    """Starts of the first batch, each of shape (P,), SI: those given, the declared one, and the best samples."""
+    """Starts of the first batch, each of shape (P,), SI: those given, or the declared one, and the best samples."""
     search = _Multistart(problem, space, settings, MULTISTART_DEFAULTS, starts)
-    return search.choose_starts(problem, _first_starts(space, given, starts), rng).starts
+    return search.choose_starts(problem, _first_starts(space, given), rng).starts
 
 
 def growing_horizons(share: float, options: MultistartOptions = MULTISTART_DEFAULTS) -> Iterator[float]:
@@ -383,8 +380,10 @@ def _grows(problem: SimulationErrorProblem) -> bool:
     return problem.has_hard_limit or problem.structure.may_be_unstable
 
 
-def _first_starts(space: ParameterSpace, given: Sequence[Mapping[str, float]], starts: int) -> list[Array]:
-    return [*given_starts(space, given), space.start][: max(starts, len(given), 1)]
+def _first_starts(space: ParameterSpace, given: Sequence[Mapping[str, float]] | None) -> _StartBatch:
+    if given is None or not space.names:
+        return _StartBatch([space.start], [True])
+    return _StartBatch(given_starts(space, given), [False] * len(given))
 
 
 def _best(optima: Sequence[Optimum], count: int) -> list[Array]:

@@ -160,21 +160,20 @@ class FitTable:
     ) -> set[Structure]:
         """Fit structures by multistart, with their own optimum and those of much better fits among the starts.
 
-        Every call takes other random starts.
-
         Returns
         -------
         set of Structure
             Structures that got clearly better.
         """
         how = replace(self._how, patience=patience, fresh=self._how.fresh // fields)
-        known = [self.done[s] for s in structures]
         enough = (1.0 + SAME_OPTIMUM_RTOL) * self.best().cost
         calls = []
-        for _ in range(fields):
+        for number in range(fields):
             self._fields += 1
-            seed = self._seed + self._fields
-            calls += [(self.task, f.structure, how, seed, [f, *self._ahead(f)], enough) for f in known]
+            for f in (self.done[s] for s in structures):
+                # known optima lead to one end in every field; with a hard limit others are drawn around them
+                begins = [f, *self._ahead(f)] if number == 0 or f.structure.has_hard_limit else []
+                calls.append((self.task, f.structure, how, self._seed + self._fields, begins, enough, f.cost))
         found = in_order(workers, fit_multistart, calls)
         return {new.structure for new in found if self._much_better(self.done[new.structure], new)}
 

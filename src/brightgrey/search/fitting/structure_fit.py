@@ -226,19 +226,19 @@ def fit_multistart(
     structure: Structure,
     options: Options,
     seed: int,
-    known: Sequence[StructureFit] = (),
+    known: Sequence[StructureFit] | None = None,
     enough: float = np.inf,
     cost_to_beat: float = np.inf,
 ) -> StructureFit:
     """Fit a structure of which nothing is known, or nothing but doubtful optima of its own or larger ones.
 
-    Starts begin there, too. A white residual is enough only up to the cost that another structure leaves. Descents
-    that would not get below `cost_to_beat` are given up: an optimum above it is of no use.
+    Starts begin there, in place of the declared values. A white residual is enough only up to the cost that another
+    structure leaves. Descents that would not get below `cost_to_beat` are given up: an optimum above it is of no use.
     """
     problem, space = task.problem_and_space(structure)
     starts = options.narrow if ranges_within_decade(space) else options.fresh
     starts = options.fresh_hard_limit or starts if structure.has_hard_limit else starts
-    given = _given(space, structure, known)
+    given = None if known is None else _given(space, structure, known)
     found = multistart(
         problem,
         space,
