@@ -69,6 +69,10 @@ class Round:
         """
         return self._quantile(parameters, max(among, 1) * self.policy.resonances**masses)
 
+    def by_chance(self, parameters: int = 1) -> float:
+        """Deviance that further parameters gain by chance, or that errors of simulation and sensor may cause."""
+        return max(self.chance(parameters), self.error_floor)
+
     def chance_beyond(self, free: int, masses: int, most_masses: int) -> float:
         """Deviance that the largest structure with so many masses gains by chance over a structure.
 

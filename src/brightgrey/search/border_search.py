@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from brightgrey.search.adequacy import Deviance, Round, material_growth
 from brightgrey.search.border import Border, Refutation, assess, joint, shrunk
 from brightgrey.search.criteria import bic
 from brightgrey.search.fitting.anchors import hard_limits, largest_by_masses, linear_beside_masses, mass_masks
+from brightgrey.search.fitting.exact_friction import saves_an_effect
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
@@ -75,7 +77,8 @@ class BorderSearch(OfferingSearch):
         """Border of the lattice when nothing is left to offer."""
         while True:
             border = self.in_rounds()
-            if not (self.goes_over_to_exact_friction() or self.goes_further(border)):
+            saves = partial(saves_an_effect, self.refined, self.lattice, self.simplest(border), self.round.by_chance)
+            if not (self.goes_over_to_exact_friction(saves) or self.goes_further(border)):
                 return border
 
     def goes_further(self, border: Border) -> bool:
@@ -282,8 +285,7 @@ class BorderSearch(OfferingSearch):
     def wanted(self, border: Border) -> list[Structure]:
         """The largest structures that are undecided, or else those on which refutations are tried."""
         beside = [self.beside_refuted(r, border) for r in border.refuted]
-        largest = border.undecided[: self.policy.side_by_side]
-        found = map(self.lattice.structure, largest or dict.fromkeys(beside))
+        found = map(self.lattice.structure, border.undecided[: self.policy.side_by_side] or dict.fromkeys(beside))
         return [s for s in found if s not in self.fits.done]
 
     def simpler(self, border: Border) -> list[Structure]:
@@ -314,8 +316,8 @@ class BorderSearch(OfferingSearch):
         for found in nearest:
             structure = self.lattice.structure(self.beside_refuted(found, border))
             is_far = found.excess > far
-            hopeless = is_far and structure.has_hard_limit
-            if not hopeless and self.lacks_agreement(structure, 1 if is_far or once else None):
+            most = 1 if is_far or once else None
+            if not (is_far and structure.has_hard_limit) and self.lacks_agreement(structure, most):
                 self.restart_at(structure)
                 return True
         for found in nearest:
@@ -335,10 +337,9 @@ class BorderSearch(OfferingSearch):
 
         It does not depend on the budget of structures: it fits no others than those on which refutations rest.
         """
-        most = self.policy.restarts_unconfirmed
         for found in border.refuted:
             structure = self.lattice.structure(self.beside_refuted(found, border))
-            if self.is_unconfirmed(found, border) and self.lacks_agreement(structure, most):
+            if self.is_unconfirmed(found, border) and self.lacks_agreement(structure, self.policy.restarts_unconfirmed):
                 self.fit([structure])
                 self.restart_at(structure)
                 return True
@@ -361,8 +362,7 @@ class BorderRefit(BorderSearch):
     It shows what noise does to a decision. It does not show that a search may miss an optimum.
     """
 
-    #: Values of structures, SI, as a search on a like recording has found them.
-    optima: Mapping[Structure, Mapping[str, float]] = field(default_factory=dict)
+    optima: Mapping[Structure, Mapping[str, float]] = field(default_factory=dict)  #: As found on a like recording, SI.
 
     def run(self, *, everything: bool = False) -> Border:
         """Border of all structures, from the known optima.

@@ -231,7 +231,7 @@ class Detectability:
 
     def _no_worse_than(self, structure: Structure) -> float:
         """Deviance up to which a fit is no worse than that of `structure`."""
-        return self.refined.of(structure).deviance + max(self.circumstances.chance(1), self.circumstances.error_floor)
+        return self.refined.of(structure).deviance + self.circumstances.by_chance()
 
     def _is_detectable(self, structure: Structure, big: Structure, jacobian: Array, change: Array) -> bool:
         """Return True if a change of the residuals would be detected, as far as the Jacobian does not explain it."""

@@ -11,11 +11,14 @@ from brightgrey.api.written_run import task_of_run
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
+from brightgrey.numerics.distributions import chi2
 from brightgrey.search.adequacy import material_growth
-from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once
+from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once, saves_an_effect
 from brightgrey.search.fitting.fit_table import FitTable
-from brightgrey.search.fitting.refined_fit import residual_and_jacobian
+from brightgrey.search.fitting.refined_fit import RefinedFits, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import Options, fit_multistart
+from brightgrey.search.lattice import Lattice
+from brightgrey.search.parallel import InlineExecutor
 from brightgrey.simulation.reference import reference
 from support.recordings import make_recording
 
@@ -62,6 +65,22 @@ def test_reverses_at_once__drive_that_never_rests_and_no_noise__yes():
     )
     larger = PAPER.parse("one_mass+coulomb+viscous+stribeck+delay")
     assert reverses_at_once(task, fit_multistart(task, larger, Options(patience=0), seed=1), NOTABLE)
+
+
+@pytest.mark.parametrize(("share", "saved"), [(0.0, True), (0.01, False)])
+def test_saves_an_effect__narrow_stribeck_friction_mends_the_reversal__only_of_exact_friction(share, saved):
+    """The truth has no Stribeck friction, and `share` of the largest speed is the width of its reversal."""
+    truth, structure = {"J1": 0.02, "M_C": 0.6, "f_v": 0.03}, PAPER.parse("one_mass+coulomb+viscous")
+    larger = PAPER.parse("one_mass+coulomb+viscous+stribeck")
+    speed = np.abs(recording(np.inf, 0.0, truth=truth, structure=structure, torque=6.0).y).max()
+    f_tanh = np.inf if share == 0.0 else 1.0 / (share * speed)
+    measured = recording(f_tanh, 1e-5, truth=truth, structure=structure, torque=6.0)
+    task, workers = identification_task([measured], None, {}, {}, None), InlineExecutor()
+    fits, lattice = FitTable(task, [structure, larger]), Lattice.of(PAPER, exclude=["two_mass"])
+    fits.add([structure, larger], workers)
+    refined = RefinedFits(task, fits, workers)
+    refined.begin_round(larger)
+    assert saves_an_effect(refined, lattice, larger, lambda parameters: float(chi2.isf(0.02, parameters))) == saved
 
 
 def test_reverses_at_once__nothing_that_could_reverse__no():

@@ -2,10 +2,12 @@
 
 A smooth reversal creeps under a load that friction would hold. Where the drive rests, no width makes up for that, and
 masses take the part of what is left. The simulation is less accurate with a sharp reversal than with an exact one, too.
+So friction is also exact where a structure needs an effect beside a width, and does without it beside an exact sign.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -13,14 +15,16 @@ import numpy as np
 
 from brightgrey.estimation.optimisation.least_squares import fit_many
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
+from brightgrey.kit import Structure
 from brightgrey.numerics.distributions import chi2
 from brightgrey.search.fitting.fit_table import FitTable
-from brightgrey.search.fitting.refined_fit import refine, whitening_by
+from brightgrey.search.fitting.refined_fit import RefinedFits, refine, whitening_by
 from brightgrey.search.fitting.structure_fit import StructureFit
+from brightgrey.search.lattice import Lattice
 from brightgrey.search.policy import REFIT, SELECTION
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["refit_all", "reverses_at_once"]
+__all__ = ["refit_all", "reverses_at_once", "saves_an_effect"]
 
 
 def reverses_at_once(task: IdentificationTask, fitted: StructureFit, growth: float) -> bool:
@@ -40,21 +44,57 @@ def reverses_at_once(task: IdentificationTask, fitted: StructureFit, growth: flo
     structure, at_once = fitted.structure, replace(task, exact_friction=True)
     if FRICTION_WIDTH not in task.space(structure, nuisances=True).names:
         return False
-    problem, space = at_once.problem_and_space(structure)
-    start = np.array([fitted.values[name] for name in space.names])
-    limit, tolerance = REFIT.iterations, REFIT.tolerance
-    beaten = fitted.cost / (1.0 + growth)
-    (end,) = fit_many(
-        problem, space, task.settings, start[:, None], limit=limit, tolerance=tolerance, cost_to_beat=beaten
-    )
-    if not end.cost < beaten:
+    values = _values_below(at_once, structure, fitted.values, fitted.cost / (1.0 + growth))
+    if values is None:
         return False
-    values = space.by_name(end.values)
     whitening = whitening_by(at_once, structure, values)
     exact = refine(at_once, structure, values, whitening, np.inf, growth)
     smooth = refine(task, structure, fitted.values, whitening, np.inf, growth)
     chance = float(chi2.isf(SELECTION.false_alarm_level, 1))
     return exact.deviance + max(chance, growth * exact.deviance) < smooth.deviance
+
+
+def saves_an_effect(
+    refined: RefinedFits, lattice: Lattice, structure: Structure, by_chance: Callable[[int], float]
+) -> bool:
+    """Return True if a structure with exact friction explains as much without one of its effects as with a width.
+
+    Stribeck friction that fades within a small speed mends the reversal of a friction that has none.
+
+    Parameters
+    ----------
+    refined : RefinedFits
+        Of the round.
+    lattice : Lattice
+    structure : Structure
+        A minimal one.
+    by_chance : callable
+        Deviance that so many parameters gain by chance.
+    """
+    task, own = refined.task, refined.of(structure)
+    at_once, mask = replace(task, exact_friction=True), lattice.mask(structure)
+    for bit in lattice.bits(mask & ~lattice.required):
+        smaller = lattice.structure(lattice.without(mask, bit))
+        if FRICTION_WIDTH not in task.space(smaller, nuisances=True).names:
+            continue
+        values = _values_below(at_once, smaller, refined.of(smaller).values, REFIT.compared_below * own.cost)
+        if values is not None:
+            free = len(at_once.space(smaller, nuisances=True).names)
+            enough = own.deviance + by_chance(own.free - free)
+            if refine(at_once, smaller, values, refined.whitening, enough).deviance <= enough:
+                return True
+    return False
+
+
+def _values_below(
+    task: IdentificationTask, structure: Structure, values: Mapping[str, float], cost: float
+) -> Mapping[str, float] | None:
+    """Values of a structure, SI, that a descent from others leads to; None unless it leaves less than a cost."""
+    problem, space = task.problem_and_space(structure)
+    start = np.array([values[name] for name in space.names])[:, None]
+    limit, tolerance = REFIT.iterations, REFIT.tolerance
+    (end,) = fit_many(problem, space, task.settings, start, limit=limit, tolerance=tolerance, cost_to_beat=cost)
+    return space.by_name(end.values) if end.cost < cost else None
 
 
 def refit_all(fits: FitTable, workers: Executor) -> None:

@@ -290,12 +290,16 @@ class OfferingSearch:
             self.fits.add(new, self.executor)
             self.progress("fits", len(self.fits.done), self.fits.best().structure)
 
-    def goes_over_to_exact_friction(self) -> bool:
-        """Take exact friction for all structures if the best one explains more with it; each best fit is asked once."""
+    def goes_over_to_exact_friction(self, saves: Callable[[], bool] = lambda: False) -> bool:
+        """Take exact friction for all structures if the best one explains more with it, or if it `saves` an effect.
+
+        Each best fit is asked once.
+        """
         best, asked = self.fits.best(), self._asked_cost
         self._asked_cost = best.cost
         notable = material_growth(model_error=True)  # what leads so early may have any model error
-        if not (best.cost < REFIT.improved * asked and reverses_at_once(self.task, best, notable)):
+        explains = best.cost < REFIT.improved * asked and reverses_at_once(self.task, best, notable)
+        if not (explains or saves()):
             return False
         self.task = self.fits.task = replace(self.task, exact_friction=True)
         refit_all(self.fits, self.executor)

@@ -199,7 +199,7 @@ class _Beside:
         if explained > self.detectability.circumstances.chance(self.parameters(placed)):
             return False, Reason("small gain")
         signs = (1.0, -1.0)[: len(sizes)]
-        enough = max(self.detectability.circumstances.chance(1), self.detectability.circumstances.error_floor)
+        enough = self.detectability.circumstances.by_chance()
         if not all(length + 2.0 * sign * along > enough for sign in signs):
             return False, Reason("fits with fixed size", size=size)
         return True, Reason("refuted at first order", {"gain": 100.0 * gain}, size=size)

@@ -193,7 +193,7 @@ class _HeldSize:
         The multiple is doubled from 1, within the bounds of the effect. Each comes with the fit of all else.
         """
         d, found = self.detectability, [(1.0, self.fitted(1.0, {}).values)]
-        worst = d.refined.of(self.structure).deviance + max(d.circumstances.chance(1), d.circumstances.error_floor)
+        worst = d.refined.of(self.structure).deviance + d.circumstances.by_chance()
         task, sizes = d.refined.task, _sizes_of(effect)
         while sizes:
             multiple = 2.0 * found[-1][0]
