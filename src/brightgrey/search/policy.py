@@ -79,7 +79,7 @@ class RefitPolicy:
     tolerance: float = 1e-4
     #: Relative tolerance of the last descent: far below chance, which N samples put at 1/N.
     polish_tolerance: float = 1e-5
-    compared_below: float = 2.0  #: Multiple of the cost to beat up to which a fit at a fixed size is made exact.
+    compared_below: float = 2.0  #: Multiple of the cost to beat up to which fits are compared exactly, whitened.
     #: Steps in which a fixed size is approached where a hard limit makes the cost rugged.
     path_steps: tuple[int, ...] = (2, 4)
 

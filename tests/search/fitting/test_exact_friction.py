@@ -13,6 +13,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
 from brightgrey.numerics.distributions import chi2
 from brightgrey.search.adequacy import material_growth
+from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once, saves_an_effect
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.refined_fit import RefinedFits, residual_and_jacobian
@@ -81,6 +82,18 @@ def test_saves_an_effect__narrow_stribeck_friction_mends_the_reversal__only_of_e
     refined = RefinedFits(task, fits, workers)
     refined.begin_round(larger)
     assert saves_an_effect(refined, lattice, larger, lambda parameters: float(chi2.isf(0.02, parameters))) == saved
+
+
+def test_search__exact_friction_and_some_noise__needs_no_stribeck_friction():
+    """The best fit has some, so that an exact sign gains too little beside it."""
+    truth, structure = {"J1": 0.02, "M_C": 0.6, "f_v": 0.03}, PAPER.parse("one_mass+coulomb+viscous")
+    measured = recording(np.inf, 3e-4, truth=truth, structure=structure, torque=6.0)
+    offered = {*structure.names, "stribeck"}
+    lattice = Lattice.of(PAPER, exclude=[e for e in PAPER.places if e not in offered])
+    search = BorderSearch(identification_task([measured], None, {}, {}, None), lattice, InlineExecutor())
+    border = search.run()
+    assert [lattice.structure(m) for m in border.minimal] == [structure]
+    assert search.task.exact_friction
 
 
 def test_reverses_at_once__nothing_that_could_reverse__no():
