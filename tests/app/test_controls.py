@@ -81,6 +81,17 @@ def test_continue__pressed_slowly_right_after_typing__opens_the_next_stage_and_k
         assert saved(running, name).drive.limits == {"speed": "3"}
 
 
+def test_continue__drawing_still_to_come__stands_where_it_stays(browser, running):
+    name = project(running, "Late drawing")
+    top = "document.querySelector('[data-key=continue]').getBoundingClientRect().top"
+    with visiting(browser, running) as visit:
+        visit.page.goto(f"{running.base}/project/{name}/drive")
+        visit.wait(".drawing svg")
+        drawn = visit.page.evaluate(top)
+        visit.page.evaluate("document.querySelector('.drawing').replaceChildren()")
+        assert visit.page.evaluate(top) == pytest.approx(drawn, abs=1.0)  # of a pixel: the height is in whole rem
+
+
 def test_continue__clicked_twice__skips_no_stage(browser, running, tmp_path):
     file = tmp_path / "axis.csv"
     file.write_text(recording_csv(), encoding="utf-8")
