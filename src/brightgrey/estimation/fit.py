@@ -256,6 +256,11 @@ def fit(
     )
 
 
+def _begins(given: Sequence[Mapping[str, float]]) -> Sequence[Mapping[str, float]] | None:
+    """Starts of the user, with the declared one beside them: theirs may be far off; None if there are none."""
+    return [*given, {}] if given else None
+
+
 def _with_friction_of(given: Sequence[Mapping[str, float]], space: ParameterSpace) -> ParameterSpace:
     """Space with exact friction if one of the given starts has it."""
     exact = any(values.get(FRICTION_WIDTH) == 0.0 for values in given)
@@ -280,7 +285,7 @@ def _by_pattern_search(
     seed: int,
 ) -> _Descent:
     """Best of several pattern searches, repeated at the final level."""
-    points = first_starts(problem, space, settings, given or None, starts, np.random.default_rng(seed))
+    points = first_starts(problem, space, settings, _begins(given), starts, np.random.default_rng(seed))
     ends = pattern_searches(problem, space, settings, points)
     order = sorted(range(len(ends)), key=lambda i: (ends[i].cost, i))
     values = [space.from_scaled(np.array(end.values)) for end in ends]
@@ -306,7 +311,7 @@ def _by_multistart(
 
     Descents begin on a short part of the recordings, which may lead away from what is known already.
     """
-    found = multistart(problem, space, settings, given or None, starts=starts, patience=patience, seed=seed)
+    found = multistart(problem, space, settings, _begins(given), starts=starts, patience=patience, seed=seed)
     optima = sorted(zip(found.optima, found.starts.T, strict=True), key=lambda pair: pair[0].cost)
     finalists = _finalists(space, [optimum for optimum, _ in optima], options)
     finished = [fit_to_convergence(problem, space, final, optimum.values) for optimum in finalists]

@@ -68,9 +68,12 @@ def test_reverses_at_once__drive_that_never_rests_and_no_noise__yes():
     assert reverses_at_once(task, fit_multistart(task, larger, Options(patience=0), seed=1), NOTABLE)
 
 
-@pytest.mark.parametrize(("share", "saved"), [(0.0, True), (0.01, False)])
-def test_saves_an_effect__narrow_stribeck_friction_mends_the_reversal__only_of_exact_friction(share, saved):
-    """The truth has no Stribeck friction, and `share` of the largest speed is the width of its reversal."""
+@pytest.mark.parametrize(("share", "allowed", "saved"), [(0.0, 0.0, True), (0.01, 0.0, False), (0.01, 1e9, False)])
+def test_saves_an_effect__narrow_stribeck_friction_mends_the_reversal__only_of_exact_friction(share, allowed, saved):
+    """The truth has no Stribeck friction, and `share` of the largest speed is the width of its reversal.
+
+    Nor is friction exact where any deviance is allowed, because a width explains as much without the effect.
+    """
     truth, structure = {"J1": 0.02, "M_C": 0.6, "f_v": 0.03}, PAPER.parse("one_mass+coulomb+viscous")
     larger = PAPER.parse("one_mass+coulomb+viscous+stribeck")
     speed = np.abs(recording(np.inf, 0.0, truth=truth, structure=structure, torque=6.0).y).max()
@@ -81,7 +84,7 @@ def test_saves_an_effect__narrow_stribeck_friction_mends_the_reversal__only_of_e
     fits.add([structure, larger], workers)
     refined = RefinedFits(task, fits, workers)
     refined.begin_round(larger)
-    assert saves_an_effect(refined, lattice, larger, lambda parameters: float(chi2.isf(0.02, parameters))) == saved
+    assert saves_an_effect(refined, lattice, larger, lambda free: float(chi2.isf(0.02, free)) + allowed) == saved
 
 
 def test_search__exact_friction_and_some_noise__needs_no_stribeck_friction():

@@ -61,13 +61,13 @@ def test_restart_many__supermodel_with_a_redundant_effect__begins_where_it_has_i
     assert to_beat == 100.0
 
 
-@pytest.mark.parametrize(("name", "begun"), [("two_mass+coulomb", [1, 0]), ("two_mass+backlash", [1, 1])])
-def test_restart_many__several_fields__known_optimum_once_unless_others_are_drawn_around_it(task, name, begun):
+@pytest.mark.parametrize("name", ["two_mass+coulomb", "two_mass+backlash"])
+def test_restart_many__several_fields__known_optimum_is_a_start_of_one_of_them(task, name):
     own = PAPER.parse(name)
     fits = FitTable(task, [own])
     fits.done[own] = StructureFit(own, {}, 100.0, 7)
     asked = Asked(fits)
     fits.restart_many([own], 0, asked, fields=2)
-    assert [len(known) for *_, known, _, _ in asked.calls] == begun
+    assert [len(known) for *_, known, _, _ in asked.calls] == [1, 0]
     seeds = {seed for *_, seed, _, _, _ in asked.calls}
     assert len(seeds) == 2

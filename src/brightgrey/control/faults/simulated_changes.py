@@ -107,7 +107,7 @@ def estimate_changes(
     space = _factor_space(values, groups, recording, problem, options)
     problem = replace(problem, prior_stds={group.name: group.prior_std for group in groups if not group.free})
     fast = replace(settings, level="fast")
-    found = multistart(problem, space, fast, None, starts=options.starts, patience=options.patience, seed=0)
+    found = multistart(problem, space, fast, [{}], starts=options.starts, patience=options.patience, seed=0)
     optima = sorted(found.optima, key=lambda optimum: optimum.cost)[: options.restarts]
     problem = _reweight(problem, space, settings, optima[0].values)
     best = fit_to_convergence(problem, space, settings, optima[0].values)

@@ -59,7 +59,8 @@ def saves_an_effect(
 ) -> bool:
     """Return True if a structure with exact friction explains as much without one of its effects as with a width.
 
-    Stribeck friction that fades within a small speed mends the reversal of a friction that has none.
+    Stribeck friction that fades within a small speed mends the reversal of a friction that has none. Without the effect
+    exact friction has to explain more than a width does, by more than chance.
 
     Parameters
     ----------
@@ -80,7 +81,8 @@ def saves_an_effect(
         values = _values_below(at_once, smaller, refined.of(smaller).values, REFIT.compared_below * own.cost)
         if values is not None:
             free = len(at_once.space(smaller, nuisances=True).names)
-            enough = own.deviance + by_chance(own.free - free)
+            smooth = refined.of(smaller).deviance - float(chi2.isf(SELECTION.false_alarm_level, 1))
+            enough = min(own.deviance + by_chance(own.free - free), smooth)
             if refine(at_once, smaller, values, refined.whitening, enough).deviance <= enough:
                 return True
     return False

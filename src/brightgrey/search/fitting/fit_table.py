@@ -171,8 +171,7 @@ class FitTable:
         for number in range(fields):
             self._fields += 1
             for f in (self.done[s] for s in structures):
-                # known optima lead to one end in every field; with a hard limit others are drawn around them
-                begins = [f, *self._ahead(f)] if number == 0 or f.structure.has_hard_limit else []
+                begins = [f, *self._ahead(f)] if number == 0 else []  # they lead to one end in every field
                 calls.append((self.task, f.structure, how, self._seed + self._fields, begins, enough, f.cost))
         found = in_order(workers, fit_multistart, calls)
         return {new.structure for new in found if self._much_better(self.done[new.structure], new)}

@@ -293,7 +293,7 @@ class OfferingSearch:
     def goes_over_to_exact_friction(self, saves: Callable[[], bool] = lambda: False) -> bool:
         """Take exact friction for all structures if the best one explains more with it, or if it `saves` an effect.
 
-        Each best fit is asked once.
+        Each best fit is asked once whether it explains more.
         """
         best, asked = self.fits.best(), self._asked_cost
         self._asked_cost = best.cost
@@ -303,6 +303,7 @@ class OfferingSearch:
             return False
         self.task = self.fits.task = replace(self.task, exact_friction=True)
         refit_all(self.fits, self.executor)
+        self.least_cost = np.inf  # that with a width may have been less
         self.restarts.clear()
         self._larger.clear()
         self._without_bent.clear()
