@@ -79,7 +79,7 @@ def tolerances(level: Level, limits: bool = False) -> Tolerances:
     like none. With `limits`, both levels therefore step finer.
     """
     if level == "fast":
-        return _FAST._replace(error=1e-5) if limits else _FAST
+        return _FAST._replace(error=1e-6) if limits else _FAST
     return _ACCURATE._replace(error=1e-8) if limits else _ACCURATE
 
 

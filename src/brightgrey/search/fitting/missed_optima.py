@@ -20,10 +20,11 @@ from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.criteria import bic
 from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.lattice import complexity, mass_chain_of, one_smaller
 from brightgrey.search.policy import BUDGET, REFIT
 
-__all__ = ["find_missed_optima"]
+__all__ = ["find_missed_optima", "is_explained"]
 
 _Seeking = Callable[[Structure], None]
 
@@ -50,14 +51,14 @@ def find_missed_optima(fits: FitTable, workers: Executor, seeking: _Seeking | No
     better = _seek_smooth(fits, workers, seeking)
     tops = _tops(fits.structures)
     for number, top in enumerate(tops):
-        if _explained(fits):
+        if is_explained(fits):
             break
         seeking(top)
         fresh = [s for s in (*_without_gaps(fits, top), top) if s not in fits.done]
         if fresh:
             better |= fits.add(fresh, workers)
         found = fits.restart_many([top], 1, workers)
-        if found and _tells(fits, top) and not _explained(fits):
+        if found and _tells(fits, top) and not is_explained(fits):
             fits.restart_many([top], 2, workers)
         if found:
             larger = [t for t in tops[number + 1 :] if t in fits.done]
@@ -74,7 +75,7 @@ def _seek_smooth(fits: FitTable, workers: Executor, seeking: _Seeking) -> set[St
     idle, better = 0, set[Structure]()
     for _ in range(BUDGET.max_rounds):
         leaders = _leaders(fits, idle, gaps=False)
-        if not leaders or idle == BUDGET.fruitless_rounds or _explained(fits):
+        if not leaders or idle == BUDGET.fruitless_rounds or is_explained(fits):
             break
         least = fits.best().cost
         better |= _anew(fits, leaders, workers, seeking)
@@ -96,7 +97,7 @@ def _seek_gaps(fits: FitTable, workers: Executor, seeking: _Seeking) -> None:
         leaders = _leaders(fits, idle, gaps=True)
         if (
             not (tells and leaders)
-            or _explained(fits)
+            or is_explained(fits)
             or fits.simulated_samples() - since > BUDGET.fruitless_share * since
         ):
             break
@@ -146,14 +147,18 @@ def _without_gaps(fits: FitTable, top: Structure) -> list[Structure]:
     return sorted(smooth, key=complexity)[-1:]
 
 
-def _explained(fits: FitTable) -> bool:
-    """Return True if the residual of the best fit is white, or within the trusted accuracy and the simulation error."""
-    best, task = fits.best(), fits.task
+def is_explained(fits: FitTable, fitted: StructureFit | None = None) -> bool:
+    """Return True if the residual of a fit, the best by default, is white or no larger than known errors.
+
+    These are the error to which sensors are trusted, and the difference between the levels of the simulation. The level
+    of a search may be three times as far off as sensors are, but seldom is.
+    """
+    best, task = fitted or fits.best(), fits.task
     problem = task.problem(best.structure)
     values = {name: np.array([value]) for name, value in best.values.items()}
     residual = problem.residuals(values, task.settings)[:, 0]
     fits.spent.append(problem.count(1))
-    if best.cost <= fits.error_floor_cost(best):  # the level of the search may be that far off, but seldom is
+    if best.cost <= fits.error_floor_cost(best):
         accurate = problem.residuals(values, replace(task.settings, level="accurate"))[:, 0]
         fits.spent.append(problem.count(1))
         off, trusted = residual - accurate, float(task.error_floor(problem.weights, TRUSTED_ACCURACY).sum())

@@ -12,13 +12,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from brightgrey.arrays import positive
-from brightgrey.estimation.noise.residual_analysis import is_white
+from brightgrey.estimation.noise.error_floor import TRUSTED_ACCURACY
 from brightgrey.kit import Placed, Structure
 from brightgrey.numerics import distributions
 from brightgrey.search.adequacy import material_growth
 from brightgrey.search.fitting.anchors import anchors
 from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once
 from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.missed_optima import is_explained
 from brightgrey.search.fitting.refined_fit import accurate, whitening_by
 from brightgrey.search.fitting.structure_fit import Options, StructureFit
 from brightgrey.search.further.proposals import (
@@ -310,13 +311,8 @@ class OfferingSearch:
         return True
 
     def is_explained(self, fitted: StructureFit | None = None) -> bool:
-        """True if the residual of a fit, the best by default, is white or within the accuracy of the simulation."""
-        best = fitted or self.fits.best()
-        problem = self.fits.task.problem(best.structure)
-        if best.cost <= self.fits.error_floor_cost(best):
-            return True
-        values = {name: np.array([value]) for name, value in best.values.items()}
-        return is_white(problem.residuals(values, self.fits.task.settings)[:, 0], problem.segment_lengths)
+        """True if the residual of a fit, the best by default, is white or no larger than known errors."""
+        return is_explained(self.fits, fitted)
 
     def has_model_error(self) -> bool:
         """True if the best residual follows a pattern or a further effect by more than coloured noise explains.
@@ -329,13 +325,15 @@ class OfferingSearch:
         if known not in self._model_error:
             self._model_error[known] = not self.is_explained() and bool(
                 follows_further_effect(self.task, best, self.more, self.seed)
-                or signs_of_model_error(
-                    self.task, best.structure, optimum_of(self.task, best), self.fits.error_floor_cost(best)
-                )
+                or signs_of_model_error(self.task, best.structure, optimum_of(self.task, best), self.trusted_cost(best))
                 or explains_more_in_place(self.task, best, self.more, self.seed, self.executor)
                 or (self.more and not self.offered and self.is_explained_better(best))
             )
         return self._model_error[known]
+
+    def trusted_cost(self, fitted: StructureFit) -> float:
+        """Cost of the errors to which sensors are trusted."""
+        return float(self.task.error_floor(self.task.problem(fitted.structure).weights, TRUSTED_ACCURACY).sum())
 
     @property
     def more(self) -> list[Placed]:
