@@ -20,7 +20,7 @@ from brightgrey.search.adequacy import Deviance, Round, material_growth
 from brightgrey.search.border import Border, Refutation, assess, joint, shrunk
 from brightgrey.search.criteria import bic
 from brightgrey.search.fitting.anchors import hard_limits, largest_by_masses, linear_beside_masses, mass_masks
-from brightgrey.search.fitting.exact_friction import saves_an_effect
+from brightgrey.search.fitting.exact_friction import simplifies
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
@@ -77,8 +77,8 @@ class BorderSearch(OfferingSearch):
         """Border of the lattice when nothing is left to offer."""
         while True:
             border = self.in_rounds()
-            saves = partial(saves_an_effect, self.refined, self.lattice, self.simplest(border), self.round.by_chance)
-            if not (self.goes_over_to_exact_friction(saves) or self.goes_further(border)):
+            is_simpler = partial(simplifies, self.refined, self.lattice, self.simplest(border), self.round.by_chance)
+            if not (self.goes_over_to_exact_friction(is_simpler) or self.goes_further(border)):
                 return border
 
     def goes_further(self, border: Border) -> bool:

@@ -14,7 +14,7 @@ from brightgrey.kit import PAPER
 from brightgrey.numerics.distributions import chi2
 from brightgrey.search.adequacy import material_growth
 from brightgrey.search.border_search import BorderSearch
-from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once, saves_an_effect
+from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once, simplifies
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.refined_fit import RefinedFits, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import Options, fit_multistart
@@ -69,7 +69,7 @@ def test_reverses_at_once__drive_that_never_rests_and_no_noise__yes():
 
 
 @pytest.mark.parametrize(("share", "allowed", "saved"), [(0.0, 0.0, True), (0.01, 0.0, False), (0.01, 1e9, False)])
-def test_saves_an_effect__narrow_stribeck_friction_mends_the_reversal__only_of_exact_friction(share, allowed, saved):
+def test_simplifies__narrow_stribeck_friction_mends_the_reversal__only_of_exact_friction(share, allowed, saved):
     """The truth has no Stribeck friction, and `share` of the largest speed is the width of its reversal.
 
     Nor is friction exact where any deviance is allowed, because a width explains as much without the effect.
@@ -84,7 +84,7 @@ def test_saves_an_effect__narrow_stribeck_friction_mends_the_reversal__only_of_e
     fits.add([structure, larger], workers)
     refined = RefinedFits(task, fits, workers)
     refined.begin_round(larger)
-    assert saves_an_effect(refined, lattice, larger, lambda free: float(chi2.isf(0.02, free)) + allowed) == saved
+    assert simplifies(refined, lattice, larger, lambda free: float(chi2.isf(0.02, free)) + allowed) == saved
 
 
 def test_search__exact_friction_and_some_noise__needs_no_stribeck_friction():
@@ -97,6 +97,19 @@ def test_search__exact_friction_and_some_noise__needs_no_stribeck_friction():
     border = search.run()
     assert [lattice.structure(m) for m in border.minimal] == [structure]
     assert search.task.exact_friction
+
+
+@pytest.mark.parametrize(("share", "simpler"), [(0.0, True), (0.01, False)])
+def test_simplifies__minimal_structure_itself_explains_more__only_of_exact_friction(share, simpler):
+    """What leads has been asked, but its optimum may hide it among further effects."""
+    speed = np.abs(recording(np.inf, 0.0).y).max()
+    task, found = fitted(np.inf if share == 0.0 else 1.0 / (share * speed), 1e-5)
+    fits = FitTable(task, [STRUCTURE])
+    fits.done[STRUCTURE] = found
+    refined = RefinedFits(task, fits, InlineExecutor())
+    refined.begin_round(STRUCTURE, NOTABLE)
+    lattice = Lattice.of(PAPER, [n for n in STRUCTURE.names if n != "one_mass"], ["two_mass"])  # no effect of it can go
+    assert simplifies(refined, lattice, STRUCTURE, lambda free: 0.0) == simpler
 
 
 def test_reverses_at_once__nothing_that_could_reverse__no():

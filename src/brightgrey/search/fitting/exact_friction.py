@@ -3,6 +3,7 @@
 A smooth reversal creeps under a load that friction would hold. Where the drive rests, no width makes up for that, and
 masses take the part of what is left. The simulation is less accurate with a sharp reversal than with an exact one, too.
 So friction is also exact where a structure needs an effect beside a width, and does without it beside an exact sign.
+The largest structures, which lead at first, may hide among their effects what the simplest one shows.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from brightgrey.search.lattice import Lattice
 from brightgrey.search.policy import REFIT, SELECTION
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["refit_all", "reverses_at_once", "saves_an_effect"]
+__all__ = ["refit_all", "reverses_at_once", "simplifies"]
 
 
 def reverses_at_once(task: IdentificationTask, fitted: StructureFit, growth: float) -> bool:
@@ -54,10 +55,8 @@ def reverses_at_once(task: IdentificationTask, fitted: StructureFit, growth: flo
     return exact.deviance + max(chance, growth * exact.deviance) < smooth.deviance
 
 
-def saves_an_effect(
-    refined: RefinedFits, lattice: Lattice, structure: Structure, by_chance: Callable[[int], float]
-) -> bool:
-    """Return True if a structure with exact friction explains as much without one of its effects as with a width.
+def simplifies(refined: RefinedFits, lattice: Lattice, structure: Structure, by_chance: Callable[[int], float]) -> bool:
+    """Return True if exact friction explains a notable part more, or as much without one of a structure's effects.
 
     Stribeck friction that fades within a small speed mends the reversal of a friction that has none. Without the effect
     exact friction has to explain more than a width does, by more than chance.
@@ -73,6 +72,8 @@ def saves_an_effect(
         Deviance that so many parameters gain by chance.
     """
     task, own = refined.task, refined.of(structure)
+    if reverses_at_once(task, refined.fits.done[structure], refined.material_growth):
+        return True
     at_once, mask = replace(task, exact_friction=True), lattice.mask(structure)
     for bit in lattice.bits(mask & ~lattice.required):
         smaller = lattice.structure(lattice.without(mask, bit))

@@ -197,7 +197,7 @@ class RefinedFits:
         self._jacobians: dict[Structure, tuple[Refined, tuple[Array, Array, tuple[int, ...]]]] = {}
         self._starts: dict[Structure, Mapping[str, float]] = {}
         self._whitening: Whitening | None = None
-        self._material_growth = 0.0
+        self.material_growth = 0.0
 
     @property
     def whitening(self) -> Whitening:
@@ -211,7 +211,7 @@ class RefinedFits:
 
         The growth of a deviance that does not matter says how exact they have to be.
         """
-        self._material_growth = material_growth
+        self.material_growth = material_growth
         known = self._refined.get(reference)
         values = known[1].values if known else self.fits.done[reference].values
         self._whitening = whitening_by(self.task, reference, values)
@@ -285,7 +285,7 @@ class RefinedFits:
         for f in fitted:
             known = self._refined.get(f.structure)
             start = self._starts.get(f.structure, f.values) if known is None else f.values
-            calls.append((self.task, f.structure, start, self.whitening, hopeless, self._material_growth))
+            calls.append((self.task, f.structure, start, self.whitening, hopeless, self.material_growth))
         for f, found in zip(fitted, in_order(self._executor, refine, calls), strict=True):
             known = self._refined.get(f.structure)
             if known is None or not known[1].finished or found.deviance < known[1].deviance:

@@ -291,8 +291,8 @@ class OfferingSearch:
             self.fits.add(new, self.executor)
             self.progress("fits", len(self.fits.done), self.fits.best().structure)
 
-    def goes_over_to_exact_friction(self, saves: Callable[[], bool] = lambda: False) -> bool:
-        """Take exact friction for all structures if the best one explains more with it, or if it `saves` an effect.
+    def goes_over_to_exact_friction(self, is_simpler: Callable[[], bool] = lambda: False) -> bool:
+        """Take exact friction for all structures if the best one explains more with it, or if a model `is_simpler`.
 
         Each best fit is asked once whether it explains more.
         """
@@ -300,7 +300,7 @@ class OfferingSearch:
         self._asked_cost = best.cost
         notable = material_growth(model_error=True)  # what leads so early may have any model error
         explains = best.cost < REFIT.improved * asked and reverses_at_once(self.task, best, notable)
-        if not (explains or saves()):
+        if not (explains or is_simpler()):
             return False
         self.task = self.fits.task = replace(self.task, exact_friction=True)
         refit_all(self.fits, self.executor)
