@@ -146,6 +146,19 @@ def test_fit__given_start_on_a_motion_that_begins_in_one_direction__is_not_left_
     assert fit(structure, [r], start=start, patience=0).cost < 1.001 * known.cost
 
 
+@pytest.mark.parametrize("estimator", ["least-squares", "pattern-search"])
+def test_fit__start_given__the_declared_one_is_tried_beside_it(estimator):
+    """The user's may be far off."""
+    structure, u = PAPER.parse("one_mass+viscous"), np.sin(np.arange(300) / 20.0)
+    (y,) = reference(str(structure), {"J1": 0.02, "f_v": 0.05}, u, 0.002, f_tanh=10.0)
+    recording = make_recording(u, y, dt=0.002)
+    known = {"starts": 1, "patience": 0, "estimator": estimator}
+    alone = fit(structure, [recording], **known).starts[0].start
+    tried = fit(structure, [recording], start={"J1": 0.05}, **known).starts
+    inertias = {float(f"{s.start['J1']:.6g}") for s in tried}
+    assert {0.05, float(f"{alone['J1']:.6g}")} <= inertias
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_fit__given_start_with_a_gap__is_not_left_for_a_worse_optimum(seed):
     """Descents begin on a short part of the recording there, which may lead away from what is known already."""

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from brightgrey.kit import PAPER
-from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.fitting.missed_optima import is_explained
 from brightgrey.search.fitting.structure_fit import StructureFit
+from brightgrey.search.lattice import Lattice
+from brightgrey.search.parallel import InlineExecutor
 from support.searches import simulated_task
 
 STRUCTURE, VALUES = PAPER.parse("one_mass+viscous"), {"J1": 0.02, "f_v": 0.05}
@@ -28,6 +30,7 @@ def test_is_explained__no_noise_and_a_wrong_inertia__only_below_the_error_to_whi
 
     factor = 1.0 + share * size / (np.linalg.norm(residual(1.001) - residual(1.0)) / 0.001)
     fitted = StructureFit(STRUCTURE, {**VALUES, "J1": factor * VALUES["J1"]}, float(np.sum(residual(factor) ** 2)), 2)
-    fits = FitTable(task, [STRUCTURE])
-    fits.done[STRUCTURE] = fitted
-    assert is_explained(fits) == explained
+    search = BorderSearch(task, Lattice.of(PAPER), InlineExecutor())
+    search.fits.done[STRUCTURE] = fitted
+    assert search.is_explained() == explained
+    assert is_explained(search.fits) == explained  # as where all structures are fitted

@@ -107,6 +107,7 @@ def estimate_changes(
     space = _factor_space(values, groups, recording, problem, options)
     problem = replace(problem, prior_stds={group.name: group.prior_std for group in groups if not group.free})
     fast = replace(settings, level="fast")
+    # the declared start is the healthy drive: as one that is given it is also descended from on the whole recording
     found = multistart(problem, space, fast, [{}], starts=options.starts, patience=options.patience, seed=0)
     optima = sorted(found.optima, key=lambda optimum: optimum.cost)[: options.restarts]
     problem = _reweight(problem, space, settings, optima[0].values)

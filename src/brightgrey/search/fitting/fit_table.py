@@ -222,9 +222,9 @@ class FitTable:
         best = self.best()
         return REFIT.cutoff * (best.cost + self.error_floor_cost(best))
 
-    def error_floor_cost(self, fitted: StructureFit) -> float:
-        """Cost of the simulation's own error at the level of the search."""
-        return float(self.task.error_floor(self.task.problem(fitted.structure).weights, FAST_LEVEL_ACCURACY).sum())
+    def error_floor_cost(self, fitted: StructureFit, accuracy: float = FAST_LEVEL_ACCURACY) -> float:
+        """Cost of errors of an accuracy, by default that of the simulation at the level of the search."""
+        return float(self.task.error_floor(self.task.problem(fitted.structure).weights, accuracy).sum())
 
     def fit_percent(self, fitted: StructureFit) -> float:
         """NRMSE fit in percent over all outputs, each weighted as in the cost."""

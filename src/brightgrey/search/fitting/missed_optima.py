@@ -161,7 +161,7 @@ def is_explained(fits: FitTable, fitted: StructureFit | None = None) -> bool:
     if best.cost <= fits.error_floor_cost(best):
         accurate = problem.residuals(values, replace(task.settings, level="accurate"))[:, 0]
         fits.spent.append(problem.count(1))
-        off, trusted = residual - accurate, float(task.error_floor(problem.weights, TRUSTED_ACCURACY).sum())
+        off, trusted = residual - accurate, fits.error_floor_cost(best, TRUSTED_ACCURACY)
         if best.cost <= off @ off + trusted and accurate @ accurate <= fits.error_floor_cost(best):
             return True
     return is_white(residual, segment_lengths(problem.recordings))

@@ -321,19 +321,15 @@ class OfferingSearch:
         offered and where few samples are independent: it is not hidden by large slow model error.
         """
         best = self.fits.best()
-        known = best.structure, best.cost
+        known, trusted = (best.structure, best.cost), self.fits.error_floor_cost(best, TRUSTED_ACCURACY)
         if known not in self._model_error:
             self._model_error[known] = not self.is_explained() and bool(
                 follows_further_effect(self.task, best, self.more, self.seed)
-                or signs_of_model_error(self.task, best.structure, optimum_of(self.task, best), self.trusted_cost(best))
+                or signs_of_model_error(self.task, best.structure, optimum_of(self.task, best), trusted)
                 or explains_more_in_place(self.task, best, self.more, self.seed, self.executor)
                 or (self.more and not self.offered and self.is_explained_better(best))
             )
         return self._model_error[known]
-
-    def trusted_cost(self, fitted: StructureFit) -> float:
-        """Cost of the errors to which sensors are trusted."""
-        return float(self.task.error_floor(self.task.problem(fitted.structure).weights, TRUSTED_ACCURACY).sum())
 
     @property
     def more(self) -> list[Placed]:
