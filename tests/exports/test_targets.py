@@ -15,11 +15,13 @@ from scipy.io import loadmat
 from brightgrey.cli import main
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.exports import external_tools as tools
 from brightgrey.exports.numeric_model import numeric_model
 from brightgrey.exports.registry import EXPORTS, export, exporter
 from brightgrey.exports.targets import modelica
 from brightgrey.exports.verification import compare_with_native, deviation, native, verification_of, verification_run
+from brightgrey.kit import Structure
 from brightgrey.model.files import write_files
 from brightgrey.recordings import Recording
 from brightgrey.simulation.plain import plain_response
@@ -91,6 +93,20 @@ def test_export__damper_relaxes_in_nanoseconds__moves_like_the_model(to, tmp_pat
     values = {"J1": 0.0165, "J2": 0.00704, "J3": 0.000972, "c1": 123e3, "c2": 0.156, "d1": 1.23e-4, "d2": 0.0398}
     drive = model_with_values("three_mass+coulomb+backlash", values | {"M_C": 0.288, "alpha": 0.7})
     assert deviation_of(to, drive, tmp_path) <= exporter(to).tolerance
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("to", ["c", "matlab"])
+def test_export__drive_rests_at_the_end_of_its_gap__moves_like_the_model(to, tmp_path):
+    """Rounding of c/d times the twist, at 18 rad, must not open and close the contact for ever."""
+    needs(to)
+    structure = "two_mass+stribeck+backlash"
+    values = random_values(Structure.parse(structure).parameters, np.random.default_rng([3, 58, 0]))
+    numeric = numeric_model(model_with_values(structure, values))
+    u = PAPER_EXPERIMENT.torque()[:760]
+    run = verification_run(numeric, u, numeric.system.rest(u=u[0]), "a drive that rests")
+    write_files(tmp_path, exporter(to).files(numeric))
+    assert deviation(run.y, exporter(to).verify(tmp_path, numeric, run).y) <= exporter(to).tolerance
 
 
 @pytest.mark.system

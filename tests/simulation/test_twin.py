@@ -94,6 +94,19 @@ def test_kernel__gap_opens_at_rest_before_three_masses__equals_plain(level: str)
     same(PAPER.parse("four_mass+coulomb+backlash+current_control"), values, -0.1 * np.arange(20.0), level, "linear")
 
 
+@pytest.mark.parametrize("speed", [50.0, 61.9, 75.0])
+def test_kernel__drive_rests_at_the_end_of_its_gap__equals_plain(speed: float) -> None:
+    """Rounding of c/d times the twist, at 18 rad, must not open and close the contact for ever."""
+    structure = PAPER.parse("two_mass+stribeck+backlash")
+    values = random_values(structure.parameters, np.random.default_rng([3, 58, 0]))
+    system = assemble(structure, values, PAPER_EXPERIMENT.f_tanh, OUTPUTS)
+    u, how = TORQUE[:760], Settings(PAPER_EXPERIMENT.f_tanh, speed, "accurate")
+    run = response(system, u, PAPER_EXPERIMENT.dt, system.rest(u=u[0]), how)
+    assert run.diverged[0] == -1
+    assert np.abs(run.y[1, -20:, 0]).max() < 1e-9
+    same(structure, values, u, "accurate", "linear")
+
+
 @pytest.mark.parametrize("off", [1e-10, 1e-9, 1.1e-9])
 def test_kernel__knot_beside_a_tick__equals_plain(off: float) -> None:
     """A knot within a billionth of a tick is on the tick or just after it, never a tick away."""

@@ -174,6 +174,15 @@ static double watch(const @name@_state *s, int b, const double *x)
     return s->mode[b] == FREE ? x[LIMITED[b]] : dot(RATE[b], x);
 }
 
+/* Rounding of the rate of limited state b. Where a drive rests at the end of its gap, this must not open the contact. */
+static double rounding(const @name@_state *s, int b)
+{
+    double total = 0.0;
+    for (int i = 0; i < N; i++)
+        total += fabs(RATE[b][i] * s->x[i]);
+    return 1e-13 * total;
+}
+
 /* Where the watched quantity has to stay. Behind the limited states come the ports of dry friction: side times speed of
    a mass that slides, friction of one that sticks. */
 static void interval(const @name@_state *s, int b, double *low, double *high)
@@ -184,8 +193,8 @@ static void interval(const @name@_state *s, int b, double *low, double *high)
         *high = most;
         return;
     }
-    *low = s->mode[b] == FREE ? LOW[b] : s->mode[b] == 1 ? 0.0 : -HUGE_VAL;
-    *high = s->mode[b] == FREE ? HIGH[b] : s->mode[b] == -1 ? 0.0 : HUGE_VAL;
+    *low = s->mode[b] == FREE ? LOW[b] : s->mode[b] == 1 ? -rounding(s, b) : -HUGE_VAL;
+    *high = s->mode[b] == FREE ? HIGH[b] : s->mode[b] == -1 ? rounding(s, b) : HUGE_VAL;
 }
 
 /* Whether the watched quantity leaves its interval in a step: a parabola stands for its course. */

@@ -205,14 +205,16 @@ function [low, high] = interval(m, s, b)
     end
     return
   end
+  % Where a drive rests at the end of its gap, rounding must not open the contact.
+  rounding = 1e-13 * abs(m.rate(b, :)) * abs(s.x);
   switch s.mode(b)
     case 0
       low = m.low(b);
       high = m.high(b);
     case 1
-      low = 0;
+      low = -rounding;
     case -1
-      high = 0;
+      high = rounding;
   end
 end
 

@@ -8,6 +8,7 @@ from brightgrey.simulation.kernel.law_dispatch import channel_force
 from brightgrey.simulation.kernel.machine.compilation import inner
 from brightgrey.simulation.kernel.machine.memory_layout import table_rows
 from brightgrey.simulation.kernel.machine.simd import LANES, choose_lanes, get, put, real, set_whole, skip, splat, whole
+from brightgrey.simulation.kernel.tolerances import TOLERANCES
 
 __all__ = ["drive_all", "drive_lane", "mode_bits", "set_force", "set_mode", "use_table", "use_table_of"]
 
@@ -78,17 +79,25 @@ def drive_all(shape: Any, plant: Any, call: Any, k: Any, start: Any, size: Any, 
 
 
 @inner
-def set_mode(plant: Any, work: Any, b: Any, lane: Any, mode: Any) -> None:
-    """Put limited state b of one lane into a mode: 0 free, 1 and -1 at the upper and lower limit, 2 closed."""
+def set_mode(shape: Any, plant: Any, work: Any, b: Any, lane: Any, mode: Any) -> None:
+    """Put limited state b of one lane into a mode: 0 free, 1 and -1 at the upper and lower limit, 2 closed.
+
+    At a limit the state is free again when its rate is inward by more than rounding. Where a drive rests at the end of
+    its gap, rounding would open and close the contact for ever.
+    """
     infinite = float("inf")
+    summands = 0.0
+    for j in range(shape.n):
+        summands += abs(get(plant.rate, b * shape.n + j, lane) * get(work.x, j, lane))
+    rounding = TOLERANCES.contact_rounding * summands
     set_whole(work.mode, b * LANES + lane, mode)
     low, high = -infinite, infinite
     if mode == 0:
         low, high = get(plant.low, b, lane), get(plant.high, b, lane)
     elif mode == 1:
-        low = 0.0
+        low = -rounding
     elif mode == -1:
-        high = 0.0
+        high = rounding
     put(work.free, b, lane, 1.0 if mode == 0 else 0.0)
     put(work.low, b, lane, low)
     put(work.high, b, lane, high)

@@ -257,9 +257,9 @@ def _pass_all_events(shape: Any, plant: Any, length: Any, value: Any, slope: Any
             if whole(work.mode, which * LANES + lane) == 0:
                 limit = get(plant.high, which, lane) if side > 0 else get(plant.low, which, lane)
                 put(work.point, 0, whole(plant.limited, which), limit)
-                set_mode(plant, work, which, lane, side)
+                set_mode(shape, plant, work, which, lane, side)
             else:
-                set_mode(plant, work, which, lane, 0)
+                set_mode(shape, plant, work, which, lane, 0)
         if time >= length * (1.0 - 1e-12):
             return
     put(work.point, 0, None, splat(float("nan"), None))  # too many events: no result is better than a wrong one

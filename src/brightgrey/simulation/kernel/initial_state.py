@@ -34,7 +34,7 @@ def set_initial_state(block: Any) -> None:
                 mode = 1
             elif state <= low and rate <= 0.0:
                 mode = -1
-            set_mode(plant, work, b, lane, mode)
+            set_mode(shape, plant, work, b, lane, mode)
             put(work.watched, b, lane, watched_quantity(shape, plant, work, b, work.x, lane))
         use_table(shape, work, lane)
         drive_lane(shape, plant, call.u, 0, 0.0, 0.0, 1.0, real(call.numbers, 0), work, lane)

@@ -120,7 +120,7 @@ def _rejoin_leaders(shape: Any, plant: Any, call: Any, number: Any, k: Any, apar
                 own = get(work.x, row, lane)
                 own = high if mode > 0 or own > high else low if mode < 0 or own < low else own
                 put(work.x, row, lane, own)
-                set_mode(plant, work, b, lane, mode)
+                set_mode(shape, plant, work, b, lane, mode)
             for b in range(shape.limits):
                 put(work.watched, b, lane, watched_quantity(shape, plant, work, b, work.x, lane))
             for row in range((k - 1) * call.stride, (k + 1) * call.stride, call.stride):

@@ -14,6 +14,8 @@ class KernelTolerances(NamedTuple):
     #: Terms of a power series that are this small, relative to the sum, count as rounding.
     series_rounding: float = 1e-16
     max_events: int = 200  #: Limits reached or left within one tick, beyond which the simulation is given up.
+    #: Rate of a state at its limit that counts as rounding, relative to the sum of its summands' magnitudes.
+    contact_rounding: float = 1e-13
     #: A limited state that relaxes this many times within a span is replaced by its quasi-steady course.
     stiff_time_constants: float = 8.0
     #: Effect of a limited state on other states, relative to its column, that counts as rounding.

@@ -9,6 +9,7 @@ from scipy.linalg import expm
 
 from brightgrey.arrays import Array
 from brightgrey.simulation.kernel.lowering import Lowered
+from brightgrey.simulation.kernel.tolerances import TOLERANCES
 from brightgrey.simulation.plain.dry_friction import DryFriction
 from brightgrey.simulation.settings import Tolerances
 
@@ -100,12 +101,14 @@ class Simulation:
         return float(x[element.limits.state] if self.modes[b] == FREE else row @ x)
 
     def interval(self, b: int) -> tuple[float, float]:
-        """Interval in which the watched quantity has to stay."""
-        limits = self.low.limited[b].limits
+        """Interval in which the watched quantity has to stay; at a limit, rounding does not set it free."""
+        element = self.low.limited[b]
+        limits = element.limits
         assert limits is not None
+        rounding = float(TOLERANCES.contact_rounding * np.abs(element.H[0].reshape(-1) * self.x).sum())
         return {
             FREE: (float(np.ravel(limits.lower)[0]), float(np.ravel(limits.upper)[0])),
-            UPPER: (0.0, np.inf),
-            LOWER: (-np.inf, 0.0),
+            UPPER: (-rounding, np.inf),
+            LOWER: (-np.inf, rounding),
             CLOSED: (-np.inf, np.inf),
         }[self.modes[b]]
