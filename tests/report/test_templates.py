@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 
-import pytest
 from jinja2.bccache import bc_magic
 
 LOAD = "from brightgrey.report.templates import page_template; print(page_template('report.html.j2').name)"
@@ -22,13 +21,13 @@ def test_page_template__cache_folder__holds_the_compiled_template(tmp_path):
     assert [file.parent.name[:7] for file in tmp_path.rglob("template-*")] == ["kernel-"]
 
 
-@pytest.mark.parametrize("kept", [0, len(bc_magic), len(bc_magic) + 9, 1000])
-def test_page_template__damaged_cache__is_compiled_anew(tmp_path, kept):
+def test_page_template__damaged_cache__is_compiled_anew(tmp_path):
     loaded(tmp_path)
     (file,) = tmp_path.rglob("template-*")
     whole = file.read_bytes()
-    file.write_bytes(whole[:kept] + bytes(20))
-    assert loaded(tmp_path) == "report.html.j2"
+    for kept in (0, len(bc_magic), len(bc_magic) + 9, 1000):
+        file.write_bytes(whole[:kept] + bytes(20))
+        assert loaded(tmp_path) == "report.html.j2"
 
 
 def test_page_template__cache_cannot_be_written__is_compiled_all_the_same(tmp_path):

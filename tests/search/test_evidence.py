@@ -231,12 +231,12 @@ def test_evidence__fit_at_fixed_size_within_accuracy__not_refuted():
     )
 
 
-@pytest.mark.parametrize(("seeds", "most"), [(4, 2), pytest.param(8, 3, marks=pytest.mark.long)])
-def test_evidence__drifting_loads__second_mass_is_seldom_needed(seeds, most):
+@pytest.mark.long
+def test_evidence__drifting_loads__second_mass_is_seldom_needed():
     """A second mass swings along with any slow torque, undamped or so softly that it does not come back while it is
     recorded: the residual is 4 to 21 times smaller. One in eight is called needed: docs/design/further-mass.md."""
     needed = 0
-    for seed in range(seeds):
+    for seed in range(8):
         t, rng = DT * np.arange(1000), np.random.default_rng(seed)
         torque = 3.0 * np.sign(np.sin(2.0 * np.pi * 2.0 * t + 0.7)) * np.minimum(1.0, 20.0 * t)
         load = 0.2 * np.cumsum(rng.normal(size=t.size)) * np.sqrt(DT)
@@ -245,7 +245,7 @@ def test_evidence__drifting_loads__second_mass_is_seldom_needed(seeds, most):
         q = DT * np.cumsum(v) + 0.001 * np.random.default_rng(1).normal(size=v.size)
         task = task_of_arrays(torque, q, dt=DT, f_tanh=F_TANH, kind="position", names=("u", "q"))
         needed += cards_of(evidence(task, ("two_mass", "coulomb", "viscous")))["two_mass"].verdict == "needed"
-    assert needed <= most  # more by chance in one of 100 choices of the seeds
+    assert needed <= 3  # more by chance in one of 100 choices of the seeds
 
 
 @pytest.mark.parametrize(

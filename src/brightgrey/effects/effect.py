@@ -64,6 +64,8 @@ class Parameter:
         It is half of what people speak of, as of a gap; its value is then shown as ±.
     fault : Fault or None
         Meaning of its change when a machine is monitored; None where nothing wears or is exchanged.
+    period : float
+        Values that differ by this, SI, mean the same, as of an angle; infinite for other parameters.
     """
 
     symbol: str
@@ -76,6 +78,7 @@ class Parameter:
     size: bool = False
     half: bool = False
     fault: Fault | None = None
+    period: float = np.inf
 
 
 @dataclass(frozen=True)

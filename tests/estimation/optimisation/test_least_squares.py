@@ -10,9 +10,11 @@ from brightgrey.estimation import scales
 from brightgrey.estimation.optimisation.least_squares import evaluate, fit_many, fit_to_convergence, normal_equations
 from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
-from brightgrey.kit import PAPER
+from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.kit import PAPER, function_set
 from brightgrey.recordings import read_recording
 from brightgrey.simulation import Settings
+from support.searches import simulated_task
 
 EVERYTHING = "four_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay"
 
@@ -55,6 +57,18 @@ def test_fit_to_convergence__ends_at_the_optimum_of_scipy(demo):
     assert found.converged
     assert found.cost <= 2.0 * plain.cost * (1 + 1e-6)
     np.testing.assert_allclose(space.to_scaled(found.values), plain.x, atol=1e-3)
+
+
+def test_fit_many__angle_begins_at_its_bound__is_found_beyond():
+    """An angle has no bounds: from 2 pi on it goes on at 0."""
+    structure = function_set().parse("one_mass+viscous+pendulum")
+    values = {"J1": 0.02, "f_v": 0.03, "G": 0.5, "k": 1.0, "phi_0": 1.0}
+    task = simulated_task(str(structure), values, PAPER_EXPERIMENT.torque()[:600], 1e-3, dt=1e-3, f_tanh=200.0)
+    problem, space = task.problem_and_space(structure)
+    starts = np.array([[values[name] for name in space.names]] * 2).T
+    starts[space.names.index("phi_0")] = (2.0 * np.pi, -2.0 * np.pi)
+    for end in fit_many(problem, space, task.settings, starts):
+        assert end.values[space.names.index("phi_0")] == pytest.approx(1.0, abs=0.01)
 
 
 def test_fit_many__without_competition__starts_are_independent(demo):

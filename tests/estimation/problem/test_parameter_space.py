@@ -6,7 +6,7 @@ import pytest
 from brightgrey.effects import Scales
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.problem.parameter_space import parameter_space
-from brightgrey.kit import PAPER
+from brightgrey.kit import PAPER, function_set
 
 SCALES = Scales(8.0, 40.0, 600.0, 14.0, 1e-3, 1.8, 0.02, 1.1, 0.007, 0.1)
 EVERYTHING = "four_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay"
@@ -56,6 +56,19 @@ def test_parameter_space__bounds_and_fixed_values__replace_declared_ones():
     assert (space.low[0], space.high[0]) == (1e-4, 2e-4)
     assert 1e-4 <= space.start[0] <= 2e-4
     assert space.fixed == {"f_v": 0.5}
+
+
+def test_recentred__angle__moves_by_whole_turns_and_nothing_else_moves():
+    structure = function_set().parse("one_mass+gravity+pendulum")
+    space = parameter_space(structure, SCALES, {}, {})
+    values = np.repeat(space.start[:, None], 4, axis=1)
+    values[space.names.index("phi_0")] = (-6.28, -3.0, 3.2, 6.28)
+    moved = space.from_scaled(space.recentred(space.to_scaled(values).T).T)
+    turned = values[space.names.index("phi_0")] + 2.0 * np.pi * np.array([1, 0, -1, -1])
+    np.testing.assert_allclose(moved[space.names.index("phi_0")], turned, rtol=1e-9)
+    np.testing.assert_allclose(np.delete(moved, space.names.index("phi_0"), 0), np.delete(values, -1, 0), rtol=1e-12)
+    bounded = parameter_space(structure, SCALES, {"phi_0": (4.0, 6.0)}, {})
+    assert (bounded.recentred(bounded.to_scaled(bounded.high)) == bounded.to_scaled(bounded.high)).all()
 
 
 @pytest.mark.parametrize(

@@ -78,6 +78,25 @@ def test_rivals_beyond__doubtful_effect_left_out__as_good_as_the_structure_witho
         assert [str(r.structure) for r in of_model(within=model)] == ["two_mass+viscous@2"]
 
 
+def test_rivals_beyond__load_at_the_other_mass__takes_the_constant_load_over():
+    """At its own mass it is a pendulum alone, whose period lies far from that which it has beside gravity."""
+    values = {"J1": 0.0085, "J2": 0.0066, "c1": 147.0, "d1": 0.027, "M_C@2": 3.9, "G": 0.18, "k": 0.165, "phi_0": -1.5}
+    truth = "two_mass+coulomb@2+pendulum"
+    task = simulated_task(truth, values, E.torque(), 0.001 * E.speed, dt=E.dt, f_tanh=200.0)
+    found = function_set().parse("two_mass+coulomb@2+gravity+pendulum@2")
+    kept = {"one_mass", *map(str, found.placed)}
+    others = [str(p) for p in function_set().whole.placed if str(p) not in kept]
+    lattice = Lattice.of(function_set(), ("two_mass", "coulomb@2"), others)
+    with ThreadPoolExecutor(1) as workers:
+        search = BorderSearch(task, lattice, workers)
+        search.fits.add([found], workers)
+        search.refined.begin_round(found)
+        detectability = Detectability(search.refined, search.round, workers)
+        rivals = rivals_beyond(detectability, [found], [Placed("pendulum")], 0, fewer_masses=False)
+    print(search.fits.done[found].values, rivals[0].values, rivals[0].deviance)
+    assert [str(r.structure) for r in rivals] == [truth]
+
+
 def test_certificate__effect_with_a_rival__says_among_what_the_residual_grows(at_second_mass):
     said = " ".join(at_second_mass.evidence.certificate.sentences())
     assert "Without viscous friction the residual is" in said

@@ -106,6 +106,7 @@ EFFECT = Effect(
             bounds=lambda s: (-2.0 * np.pi, 2.0 * np.pi),
             start=lambda s: 0.0,
             scale="linear",
+            period=2.0 * np.pi,
         ),
     ),
     law=PENDULUM_LAW,

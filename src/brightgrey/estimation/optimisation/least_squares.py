@@ -181,7 +181,7 @@ def fit_many(
         In the order of `starts`.
     """
     low, high = space.box
-    theta = np.clip(space.to_scaled(starts).T, low, high)
+    theta = np.clip(space.recentred(space.to_scaled(starts).T), low, high)
     batch = _Batch.at(theta, normal_equations(problem, space, settings, theta), options)
     if not len(space.names):
         return [batch.optimum(space, i, True, 1) for i in range(len(theta))]
@@ -219,7 +219,7 @@ def _round(
     """Take one step of every start with the best of some dampings."""
     factors, count = np.array(options.damping_factors), batch.theta.shape[1]
     steps, done = _damped_steps(space, batch, tolerance, options)
-    candidates = batch.theta[:, None] + steps
+    candidates = space.recentred(batch.theta[:, None] + steps)
     costs = np.full(candidates.shape[:2], np.inf)
     if not done.all():
         values = space.from_scaled(candidates[~done].reshape(-1, count).T)

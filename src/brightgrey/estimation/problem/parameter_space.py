@@ -55,6 +55,7 @@ class ParameterSpace:
     scales: Scales  #: Scales of the recordings.
     blocks: tuple[Block, ...]  #: Parameters that are sampled together.
     not_sampled: NDArray[np.bool_]  #: True for parameters that have their start value in all samples, shape (P,).
+    periods: Mapping[str, float] = field(default_factory=dict)  #: Of parameters that repeat, SI, by name.
     options: SpaceOptions = field(default_factory=SpaceOptions)
 
     @cached_property
@@ -100,6 +101,18 @@ class ParameterSpace:
         """Clip SI values, shape (P,) or (P, K), to the bounds."""
         low, high = (a.reshape(-1, *(1,) * (np.ndim(values) - 1)) for a in (self.low, self.high))
         return np.clip(values, low, high)
+
+    def recentred(self, theta: Array) -> Array:
+        """Scaled values, shape (..., P), that mean the same and lie within half a period of their range's middle.
+
+        An angle that is fitted has no bounds then: no step ends at them.
+        """
+        rows = [i for i, name in enumerate(self.names) if name in self.periods]
+        period = np.array([self.periods[self.names[i]] for i in rows])
+        middle = 0.5 * (self.low[rows] + self.high[rows])
+        out = theta.copy()
+        out[..., rows] -= np.round((theta[..., rows] * self.width[rows] - middle) / period) * period / self.width[rows]
+        return out
 
     def fix(self, name: str, value: float) -> ParameterSpace:
         """Space without the free parameter `name`, which is fixed at `value`, SI, and is sampled with no others."""
@@ -182,10 +195,12 @@ def parameter_space(
     table = np.array(ranges + [(part.low, part.high) for part in nuisances]).reshape(-1, 2)
     starts += [part.start for part in nuisances]
     names += tuple(part.name for part in nuisances)
+    periods = {n: p.period for n, p in declared.items() if p.period < np.inf and n not in bounds}
     blocks = tuple(_blocks(structure, names, bounds))
     not_sampled = np.array([False] * len(ranges) + [not part.sampled for part in nuisances], bool)
+    start = np.array(starts)
     return ParameterSpace(
-        names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed), scales, blocks, not_sampled
+        names, table[:, 0], table[:, 1], start, log, dict(fixed), scales, blocks, not_sampled, periods
     )
 
 

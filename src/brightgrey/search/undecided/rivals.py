@@ -2,9 +2,9 @@
 
 Friction at one mass may pass for friction at another, a pendulum for gravity, a hardening spring for a gap. So each
 effect of a minimal structure is exchanged for others. The Jacobian at its optimum and one simulation of each other
-effect predict what an exchange would leave; what may explain as well is fitted. So is an effect with no more parameters
-that explains a good part of what is lost: with little noise a small error of the prediction is far above chance. A
-rival loses what it does not need, and is exchanged in turn.
+effect predict what that would leave; what may explain as well is fitted. So is an effect with no more parameters that
+explains a good part of what is lost: the prediction may be off by far more than chance, where there is little noise.
+A rival loses what it does not need, and is exchanged in turn.
 """
 
 from __future__ import annotations
@@ -318,8 +318,9 @@ class _Exchange:
             own, kept = joined
         while True:
             at = linearised(self.detectability.refined, own)
-            removed = [at.without(p) for p in self.removable(own.structure) if p != kept]
-            smaller = [w.structure for w in removed if w.deviance <= self.far(own)]
+            removed = {p: at.without(p) for p in self.removable(own.structure) if p != kept}
+            cases = {case.effect for p in own.structure.placed for case in p.effect.limiting_cases}  # no slope tells
+            smaller = [w.structure for p, w in removed.items() if p.name in cases or w.deviance <= self.far(own)]
             ends = self.ends([(s, own.values) for s in smaller if kept in s.placed])
             best = min(ends, key=lambda end: end.deviance, default=own)
             if best is own or not self.is_adequate(best):
@@ -384,9 +385,8 @@ class _Exchange:
             return known is None
         task = self.detectability.refined.task
         problem, space = task.problem_and_space(structure)
-        start = np.clip(
-            [values.get(n, v) for n, v in zip(space.names, space.start, strict=True)], space.low, space.high
-        )
+        begin = [values.get(n, v) for n, v in zip(space.names, space.start, strict=True)]
+        start = np.clip(begin, space.low, space.high)
         at = {name: np.array([value]) for name, value in (*zip(space.names, start, strict=True), *space.fixed.items())}
         return float(problem.costs(at, accurate(task).settings)[0]) < known.cost
 
