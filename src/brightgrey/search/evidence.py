@@ -23,8 +23,8 @@ from brightgrey.search.fitting.refined_fit import Refined
 from brightgrey.search.lattice import has
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
+from brightgrey.search.undecided.open_choice import open_choice
 from brightgrey.search.undecided.question import OpenQuestions
-from brightgrey.search.undecided.rivals import open_choice
 from brightgrey.search.unexplained.doubtful import Doubts
 from brightgrey.search.verdicts import EffectVerdict, Reason, Size, size_in_units
 

@@ -12,7 +12,8 @@ from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import decide_structures
 from brightgrey.search.detectability import Detectability
 from brightgrey.search.lattice import Lattice
-from brightgrey.search.undecided.rivals import open_choice, rivals_beyond
+from brightgrey.search.undecided.open_choice import open_choice
+from brightgrey.search.undecided.rivals import rivals_beyond
 from support.searches import minimal, simulated_task, verdicts
 
 VALUES = {"J1": 0.008, "J2": 0.006, "c1": 200.0, "d1": 0.1, "f_v@2": 0.006}
@@ -78,23 +79,34 @@ def test_rivals_beyond__doubtful_effect_left_out__as_good_as_the_structure_witho
         assert [str(r.structure) for r in of_model(within=model)] == ["two_mass+viscous@2"]
 
 
+def rivals_of(found, truth, values, *further):
+    """Rivals of the only structure that has been fitted, with further effects."""
+    task = simulated_task(truth, values, E.torque(), 0.001 * E.speed, dt=E.dt, f_tanh=200.0)
+    own, kit = function_set().parse(found), function_set().whole.placed
+    kept = {"one_mass", *map(str, own.placed)}
+    lattice = Lattice.of(function_set(), (), [str(p) for p in kit if str(p) not in kept])
+    with ThreadPoolExecutor(1) as workers:
+        search = BorderSearch(task, lattice, workers)
+        search.fits.add([own], workers)
+        search.refined.begin_round(own)
+        detectability = Detectability(search.refined, search.round, workers)
+        rivals = rivals_beyond(detectability, [own], [Placed(*p) for p in further], 0, fewer_masses=False)
+    return [str(r.structure) for r in rivals]
+
+
 def test_rivals_beyond__load_at_the_other_mass__takes_the_constant_load_over():
     """At its own mass it is a pendulum alone, whose period lies far from that which it has beside gravity."""
     values = {"J1": 0.0085, "J2": 0.0066, "c1": 147.0, "d1": 0.027, "M_C@2": 3.9, "G": 0.18, "k": 0.165, "phi_0": -1.5}
     truth = "two_mass+coulomb@2+pendulum"
-    task = simulated_task(truth, values, E.torque(), 0.001 * E.speed, dt=E.dt, f_tanh=200.0)
-    found = function_set().parse("two_mass+coulomb@2+gravity+pendulum@2")
-    kept = {"one_mass", *map(str, found.placed)}
-    others = [str(p) for p in function_set().whole.placed if str(p) not in kept]
-    lattice = Lattice.of(function_set(), ("two_mass", "coulomb@2"), others)
-    with ThreadPoolExecutor(1) as workers:
-        search = BorderSearch(task, lattice, workers)
-        search.fits.add([found], workers)
-        search.refined.begin_round(found)
-        detectability = Detectability(search.refined, search.round, workers)
-        rivals = rivals_beyond(detectability, [found], [Placed("pendulum")], 0, fewer_masses=False)
-    print(search.fits.done[found].values, rivals[0].values, rivals[0].deviance)
-    assert [str(r.structure) for r in rivals] == [truth]
+    assert truth in rivals_of("two_mass+coulomb@2+gravity+pendulum@2", truth, values, ("pendulum", 1))
+
+
+@pytest.mark.parametrize(("G", "k", "phi_0", "c_g"), [(2.0, 0.12, -3.0, 0.03), (2.1, 0.1, 2.5, 0.05)])
+def test_rivals_beyond__constant_load_beside_a_pendulum__may_be_a_spring_to_the_ground(G, k, phi_0, c_g):
+    """A pendulum contains both on a short way. With the other one its period is another, which no slope tells."""
+    truth = "one_mass+viscous+ground_spring+pendulum"
+    values = {"J1": 0.02, "f_v": 0.006, "c_g": c_g, "G": G, "k": k, "phi_0": phi_0}
+    assert truth in rivals_of("one_mass+viscous+gravity+pendulum", truth, values, ("ground_spring", 1))
 
 
 def test_certificate__effect_with_a_rival__says_among_what_the_residual_grows(at_second_mass):

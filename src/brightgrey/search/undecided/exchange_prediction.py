@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,15 @@ from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting.refined_fit import Refined, RefinedFits, accurate, residual_and_jacobian
 from brightgrey.search.further.proposals import EffectChanges, FurtherEffect, by_score, changes_beside
 
-__all__ = ["Linearised", "WithoutEffect", "limiting_cases", "linearised", "without_effect"]
+__all__ = [
+    "Linearised",
+    "WithoutEffect",
+    "limiting_cases",
+    "limiting_cases_within",
+    "linearised",
+    "parameter_count",
+    "without_effect",
+]
 
 
 def linearised(refined: RefinedFits, own: Refined) -> Linearised:
@@ -95,3 +103,13 @@ def limiting_cases(own: Refined, gone: Placed, allowed: Collection[Placed]) -> d
             there = own.values if placed in own.structure.placed else dict.fromkeys(sizes, 0.0)
             found[placed] = {name: there[name] + size for name, size in sizes.items()}
     return found
+
+
+def limiting_cases_within(structure: Structure) -> set[str]:
+    """Names of the effects that are limiting cases of some of a structure."""
+    return {case.effect for p in structure.placed for case in p.effect.limiting_cases}
+
+
+def parameter_count(placed: Iterable[Placed]) -> int:
+    """Number of parameters of some effects."""
+    return sum(len(p.effect.parameters) for p in placed)

@@ -21,7 +21,7 @@ from brightgrey.kit.structure import Verdict
 from brightgrey.search.detectability import Detectability, power, relevant_sizes
 from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
 from brightgrey.search.policy import SELECTION
-from brightgrey.search.undecided.rivals import open_choice
+from brightgrey.search.undecided.open_choice import open_choice
 from brightgrey.search.verdicts import EffectVerdict, Reason, decisive, size_in_units
 
 __all__ = ["first_order_verdicts", "verdicts_on_masses"]

@@ -9,7 +9,7 @@ A rival loses what it does not need, and is exchanged in turn.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -17,7 +17,6 @@ import numpy as np
 
 from brightgrey.arrays import positive
 from brightgrey.kit import Placed, Structure, function_set
-from brightgrey.kit.in_words import effect_in_words, structure_in_words
 from brightgrey.search.adequacy import Deviance
 from brightgrey.search.criteria import bic
 from brightgrey.search.detectability import Detectability
@@ -32,13 +31,18 @@ from brightgrey.search.further.proposals import (
     further_effects,
     is_spring,
 )
-from brightgrey.search.lattice import contains, has, mass_chain_of
+from brightgrey.search.lattice import contains, mass_chain_of
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, FURTHER
-from brightgrey.search.undecided.exchange_prediction import limiting_cases, linearised, without_effect
-from brightgrey.search.verdicts import Reason
+from brightgrey.search.undecided.exchange_prediction import (
+    limiting_cases,
+    limiting_cases_within,
+    linearised,
+    parameter_count,
+    without_effect,
+)
 
-__all__ = ["containing_none", "open_choice", "rival_to_offer", "rivals_among", "rivals_beyond"]
+__all__ = ["containing_none", "rival_to_offer", "rivals_among", "rivals_beyond"]
 
 
 def rivals_beyond(
@@ -138,34 +142,6 @@ def rival_to_offer(
     return min(fewer, key=lambda r: (r.structure.masses, bic(positive(r.deviance), samples, r.free)), default=None)
 
 
-def open_choice(minimal: Sequence[Structure], effect: str) -> Reason:
-    """Reason why an effect is not decidable that some minimal structures have, and others lack.
-
-    Where all that lack it have others in its place, it is one of several, and these are named.
-
-    Parameters
-    ----------
-    minimal : sequence of Structure
-    effect : str
-    """
-    having = [s for s in minimal if has(s, effect)]
-    lacking = [s for s in minimal if s not in having]
-    beside = frozenset[Placed]().union(*(s.beside for s in having))
-    others = [s.beside - beside for s in lacking]
-    if all(others):
-        instead = sorted(frozenset[Placed]().union(*others), key=lambda p: (p.effect.number, p.place))
-        choice = [Placed.parse(effect), *instead]
-        named = [_with_place(p, at_several_places=sum(p.name == q.name for q in choice) > 1) for p in choice]
-        return Reason("one of several", names=tuple(named[: FURTHER.named]))
-    return Reason("equivalent", names=(structure_in_words(having[0]), structure_in_words(lacking[0])))
-
-
-def _with_place(placed: Placed, *, at_several_places: bool) -> str:
-    """Name of an effect, with its place also if that is the first of several."""
-    words = effect_in_words(placed)
-    return f"{words} at {placed.effect.where} 1" if at_several_places and placed.place == 1 else words
-
-
 @dataclass(frozen=True)
 class _Exchange:
     """Exchange of one effect for another."""
@@ -194,9 +170,11 @@ class _Exchange:
             without = at.without(gone)
             scored = by_score([without.beyond(c) for c in changes], without.left)
             near, like = without.deviance - self.far(own), FURTHER.imitated_share * (without.deviance - own.deviance)
-            most = _parameter_count(p for p in own.structure.placed if p not in without.structure.placed)
-            worth = [f for score, f in scored if score >= near or (score >= like and _parameter_count(f.added) <= most)]
-            starts = {f.placed: f.start for f in worth[: FURTHER.exchanged]} | self.moved(own, gone)
+            most = parameter_count(p for p in own.structure.placed if p not in without.structure.placed)
+            worth = [f for score, f in scored if score >= near or (score >= like and parameter_count(f.added) <= most)]
+            cases = limiting_cases_within(without.structure)  # one in the place of another: no slope tells
+            worth = worth[: FURTHER.exchanged] + [f for _, f in scored if {gone.name, f.placed.name} <= cases]
+            starts = {f.placed: f.start for f in worth} | self.moved(own, gone)
             found += self.rivals(own.values, without.structure, starts) + self.limiting(own, gone)
         return found + self.of_excluded(own)
 
@@ -242,12 +220,12 @@ class _Exchange:
         for sizes in cases.values():
             values |= sizes
         ends = self.ends([(structure, values)])
-        room = len(gone.effect.parameters) - _parameter_count(new)
+        room = len(gone.effect.parameters) - parameter_count(new)
         if room and not self.is_adequate(ends[0]):
             others = [p for p in self.allowed - structure.beside if not (p.effect.masses or p.effect.has_hard_limit)]
             others.sort(key=lambda p: (p.effect.number, p.place))
             scored = [f for _, f in linearised(self.detectability.refined, ends[0]).beside(others, self.seed)]
-            small = [f for f in scored if _parameter_count(f.added) <= room][: FURTHER.exchanged]
+            small = [f for f in scored if parameter_count(f.added) <= room][: FURTHER.exchanged]
             larger = [(Structure((*structure.placed, *f.added)), {**ends[0].values, **f.start}) for f in small]
             ends += self.ends([(s, start) for s, start in larger if self.is_new(s)])
         return self.taken(ends, given[:1] * len(ends))
@@ -319,7 +297,7 @@ class _Exchange:
         while True:
             at = linearised(self.detectability.refined, own)
             removed = {p: at.without(p) for p in self.removable(own.structure) if p != kept}
-            cases = {case.effect for p in own.structure.placed for case in p.effect.limiting_cases}  # no slope tells
+            cases = limiting_cases_within(own.structure)
             smaller = [w.structure for p, w in removed.items() if p.name in cases or w.deviance <= self.far(own)]
             ends = self.ends([(s, own.values) for s in smaller if kept in s.placed])
             best = min(ends, key=lambda end: end.deviance, default=own)
@@ -393,8 +371,3 @@ class _Exchange:
     def far(self, own: Refined) -> float:
         """Predicted deviance above which an exchange is not worth a fit."""
         return self.limit(own) + BORDER.far * self.detectability.circumstances.chance(1)
-
-
-def _parameter_count(placed: Iterable[Placed]) -> int:
-    """Number of parameters of some effects."""
-    return sum(len(p.effect.parameters) for p in placed)
