@@ -6,14 +6,15 @@ import pytest
 from brightgrey.estimation import scales
 from brightgrey.estimation.optimisation.least_squares import normal_equations
 from brightgrey.estimation.problem.parameter_space import parameter_space
-from brightgrey.kit import PAPER
+from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.kit import PAPER, function_set
 from brightgrey.search import IdentificationTask
 from brightgrey.search.fitting.structure_fit import Options, StructureFit, refit_from_supermodel
 from brightgrey.search.fitting.warm_start import exchanged, handed_down, information
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 from support.recordings import make_recording
-from support.searches import fit_all
+from support.searches import fit_all, simulated_task
 
 
 def parse(*names):
@@ -170,3 +171,27 @@ def test_fit_all__friction_and_gravity_cancel__submodel_is_found(friction):
     found, _ = refit_from_supermodel(task, own, [ridge], Options())
     assert found.cost <= 1.001 * fitted(structure, J1=0.02, M_C=0.3).cost
     assert found.values == pytest.approx({"J1": 0.02, "M_C": 0.3}, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_refit_from_supermodel__load_over_many_periods__is_found_from_far_off(seed):
+    """All parameters are a third off. On the whole recording one of five descents ends at the optimum."""
+    structure = function_set().parse("two_mass+viscous+pendulum@2")
+    values = {
+        "J1": 0.01,
+        "J2": 0.0075,
+        "c1": 19.3,
+        "d1": 0.022,
+        "f_v": 0.0285,
+        "G@2": 4.0,
+        "k@2": 0.6,
+        "phi_0@2": -0.52,
+    }
+    u, noise = PAPER_EXPERIMENT.torque(), 0.01 * PAPER_EXPERIMENT.speed
+    task = simulated_task(str(structure), values, u, noise, dt=PAPER_EXPERIMENT.dt, f_tanh=200.0)
+    least = float(task.problem(structure).costs({n: np.array([v]) for n, v in values.items()}, task.settings)[0])
+    factors = np.exp(0.3 * np.random.default_rng(seed).standard_normal(len(values)))
+    begin = {name: value * f for (name, value), f in zip(values.items(), factors, strict=True)}
+    start = StructureFit(structure, begin, np.inf, len(begin))
+    found, _ = refit_from_supermodel(task, start, [start], Options(), anyway=True)
+    assert found.cost <= 1.001 * least

@@ -8,10 +8,13 @@ import pytest
 
 from brightgrey import identify, load_model
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.kit import PAPER, grammar_named
+from brightgrey.kit import PAPER, Placed, grammar_named
 from brightgrey.model.run_record import load_run_record
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import decide_structures
+from brightgrey.search.further import offers
+from brightgrey.search.further.offers import OfferingSearch
+from brightgrey.search.further.proposals import further_effects
 from brightgrey.search.lattice import Lattice
 from support.searches import minimal, simulated_task, verdicts
 
@@ -173,3 +176,23 @@ def test_larger_than__most_helpful_effect_is_not_steady__the_next_one_is_taken(m
         second = search.larger_than(own)
     assert str(first.structure) == structure
     assert second.structure != first.structure
+
+
+def test_with_one_more__only_a_pendulum_is_tried__its_limiting_case_explains_alike(monkeypatch):
+    """A fit of the spring to the ground from elsewhere may end far off. That of the pendulum has seen it."""
+    values = {"J1": 0.014, "f_v": 0.02, "c_g": 0.1}
+    task = simulated_task("one_mass+viscous+ground_spring", values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=F_TANH)
+    tried = further_effects
+
+    def pendulums(*args):
+        return tuple(f for f in tried(*args) if f.placed.name == "pendulum")
+
+    monkeypatch.setattr(offers, "further_effects", pendulums)
+    more = (Placed("pendulum"), Placed("ground_spring"))
+    with ThreadPoolExecutor(1) as workers:
+        search = OfferingSearch(task, Lattice.of(PAPER, ("viscous",)), workers, further=more)
+        own = PAPER.parse("one_mass+viscous")
+        search.fits.add([own], workers)
+        found = search.with_one_more(search.fits.done[own])
+    assert str(found.structure) == "one_mass+viscous+ground_spring"
+    assert found.values["c_g"] == pytest.approx(0.1, rel=0.05)

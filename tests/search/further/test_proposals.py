@@ -8,8 +8,8 @@ from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER, Placed, Structure, function_set, grammar_named
 from brightgrey.search.decision import decide_structures
 from brightgrey.search.fitting.fit_table import FitTable
-from brightgrey.search.fitting.structure_fit import Options, fit_multistart
-from brightgrey.search.further.proposals import further_effects, moved_effects
+from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart
+from brightgrey.search.further.proposals import as_limiting_cases, further_effects, moved_effects
 from brightgrey.search.parallel import thread_pool
 from support.searches import simulated_task, verdicts
 
@@ -62,6 +62,19 @@ def test_moved_effects__friction_at_the_second_mass_only__takes_the_place_of_tha
         assert moved["coulomb@2"] < 0.5 * min(added.values())
         reached.append(moved["coulomb@2"] < 1.05 * true)
     assert sum(reached) >= 2
+
+
+@pytest.mark.parametrize(("gravity", "added"), [("", 0.0), ("+gravity", 1.5 - 2.0 * np.sin(0.1))])
+def test_as_limiting_cases__pendulum__spring_to_the_ground_and_what_there_is_of_gravity(gravity, added):
+    kit, values = function_set(), {"J1": 0.02, "f_v": 0.01} | ({"M_G": 1.5} if gravity else {})
+    own = StructureFit(kit.parse(f"one_mass+viscous{gravity}"), values, 2.0, 3)
+    load = {"G": 2.0, "k": 0.05, "phi_0": 0.1}
+    larger = StructureFit(kit.parse(f"one_mass+viscous{gravity}+pendulum"), values | load, 1.0, 6)
+    ((structure, start),) = as_limiting_cases(own, larger, FURTHER)
+    assert str(structure) == f"one_mass+viscous{gravity}+ground_spring"
+    assert start["c_g"] == pytest.approx(2.0 * 0.05 * np.cos(0.1))
+    assert start.get("M_G", 0.0) == pytest.approx(added)
+    assert as_limiting_cases(larger, larger, FURTHER) == []
 
 
 def costs_beside(task, known, found):

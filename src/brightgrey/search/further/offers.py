@@ -25,6 +25,7 @@ from brightgrey.search.fitting.structure_fit import Options, StructureFit
 from brightgrey.search.further.proposals import (
     FURTHER_STARTS,
     FurtherEffect,
+    as_limiting_cases,
     effects_by_multistart,
     explains_more_in_place,
     fit_below,
@@ -208,12 +209,16 @@ class OfferingSearch:
     def with_one_more(self, own: StructureFit) -> StructureFit | None:
         """A fit with the further effect that explains most of what a structure leaves; None if none is notable.
 
-        First-order scores choose which are fitted. Dry friction that stands at another mass is tried in its place. Of
-        those that explain alike the one with fewest parameters is taken. It is fitted by multistart if it is bent, and
+        First-order scores choose which are fitted. Dry friction that stands at another mass is tried in its place, and
+        so are the limiting cases of what explains most. Of those that explain alike the one with fewest parameters is
+        taken. It is fitted by multistart if it is bent, and
         beside the fewest masses.
         """
         found = further_effects(self.task, own, self.more, self.seed) + moved_effects(self.task, own, self.more)
         fits = self.steady(own, self.fits.tried([_with_effect(own, f) for f in found], self.executor))
+        if fits:
+            simpler = as_limiting_cases(own, min(fits, key=lambda f: f.cost), self.more)
+            fits += self.steady(own, self.fits.tried(simpler, self.executor))
         parameters = {f.structure: len(f.structure.parameters) for f in fits}
         most = max((own.cost - f.cost for f in fits), default=0.0)
         alike = [f for f in fits if own.cost - f.cost >= FURTHER.alike * most]

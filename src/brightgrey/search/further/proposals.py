@@ -12,7 +12,7 @@ beside the structure by multistart.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -37,6 +37,7 @@ __all__ = [
     "EffectChanges",
     "FurtherEffect",
     "added_with",
+    "as_limiting_cases",
     "by_score",
     "changes_beside",
     "effects_by_multistart",
@@ -47,6 +48,7 @@ __all__ = [
     "is_bent",
     "is_spring",
     "least_rival_cost",
+    "limiting_cases",
     "moved_effects",
 ]
 
@@ -124,6 +126,48 @@ def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence
             if len(gone) == len(sizes):  # what is fixed cannot vanish
                 found.append(FurtherEffect(placed, added_with(placed, fitted.structure), {**start, **gone}))
     return tuple(found)
+
+
+def limiting_cases(
+    own: StructureFit | Refined, gone: Placed, allowed: Collection[Placed]
+) -> dict[Placed, dict[str, float]]:
+    """Effects of some that one comes to for some values, with the sizes that they take over from it, SI.
+
+    Those that the structure has already grow by what is taken over.
+    """
+    of_gone, found = {q.symbol: own.values[gone.parameter(q.symbol)] for q in gone.effect.parameters}, {}
+    for case in gone.effect.limiting_cases:
+        placed = Placed(case.effect, gone.place)
+        if placed in allowed:
+            sizes = {placed.parameter(symbol): size for symbol, size in case.values(of_gone).items()}
+            there = own.values if placed in own.structure.placed else dict.fromkeys(sizes, 0.0)
+            found[placed] = {name: there[name] + size for name, size in sizes.items()}
+    return found
+
+
+def as_limiting_cases(
+    own: StructureFit, larger: StructureFit, more: Sequence[Placed]
+) -> list[tuple[Structure, dict[str, float]]]:
+    """Structures with the limiting cases of what a larger one has beyond another in its place, with values, SI.
+
+    A pendulum on a short way is a spring to the ground. A fit of that from elsewhere may not have seen it.
+
+    Parameters
+    ----------
+    own : StructureFit
+        Of the structure without.
+    larger : StructureFit
+    more : sequence of Placed
+        Effects that `own` may lack.
+    """
+    found, there = list[tuple[Structure, dict[str, float]]](), own.structure.placed
+    for gone in (p for p in larger.structure.placed if p not in there):
+        cases = limiting_cases(larger, gone, (*there, *more))
+        structure = Structure((*there, *(p for p in cases if p not in there)))
+        if structure != own.structure and not function_set().broken_rule(structure):
+            sizes = {name: size for taken in cases.values() for name, size in taken.items()}
+            found.append((structure, {**larger.values, **sizes}))
+    return found
 
 
 def by_score(changes: Sequence[EffectChanges], left: Array) -> list[tuple[float, FurtherEffect]]:

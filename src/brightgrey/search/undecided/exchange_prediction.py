@@ -16,7 +16,6 @@ from brightgrey.search.further.proposals import EffectChanges, FurtherEffect, by
 __all__ = [
     "Linearised",
     "WithoutEffect",
-    "limiting_cases",
     "limiting_cases_within",
     "linearised",
     "parameter_count",
@@ -88,21 +87,6 @@ def without_effect(structure: Structure, gone: Placed) -> Structure:
     """The structure without an effect, and without what requires it."""
     dependent = [p for p in structure.placed if p.place == gone.place and gone.name in p.effect.requires]
     return Structure(tuple(p for p in structure.placed if p != gone and p not in dependent))
-
-
-def limiting_cases(own: Refined, gone: Placed, allowed: Collection[Placed]) -> dict[Placed, dict[str, float]]:
-    """Effects of some that one comes to for some values, with the sizes that they take over from it, SI.
-
-    Those that the structure has already grow by what is taken over.
-    """
-    of_gone, found = {q.symbol: own.values[gone.parameter(q.symbol)] for q in gone.effect.parameters}, {}
-    for case in gone.effect.limiting_cases:
-        placed = Placed(case.effect, gone.place)
-        if placed in allowed:
-            sizes = {placed.parameter(symbol): size for symbol, size in case.values(of_gone).items()}
-            there = own.values if placed in own.structure.placed else dict.fromkeys(sizes, 0.0)
-            found[placed] = {name: there[name] + size for name, size in sizes.items()}
-    return found
 
 
 def limiting_cases_within(structure: Structure) -> set[str]:

@@ -30,12 +30,12 @@ from brightgrey.search.further.proposals import (
     effects_by_multistart,
     further_effects,
     is_spring,
+    limiting_cases,
 )
 from brightgrey.search.lattice import contains, mass_chain_of
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, FURTHER
 from brightgrey.search.undecided.exchange_prediction import (
-    limiting_cases,
     limiting_cases_within,
     linearised,
     parameter_count,
