@@ -193,5 +193,5 @@ def test_refit_from_supermodel__load_over_many_periods__is_found_from_far_off(se
     factors = np.exp(0.3 * np.random.default_rng(seed).standard_normal(len(values)))
     begin = {name: value * f for (name, value), f in zip(values.items(), factors, strict=True)}
     start = StructureFit(structure, begin, np.inf, len(begin))
-    found, _ = refit_from_supermodel(task, start, [start], Options(), anyway=True)
+    found, _ = refit_from_supermodel(task, start, [start], Options(), anyway=True, growing=True)
     assert found.cost <= 1.001 * least

@@ -116,14 +116,16 @@ class FitTable:
         del self.done[structure]
         self.agreeing.pop(structure, None)
 
-    def tried(self, starts: Sequence[tuple[Structure, Mapping[str, float]]], workers: Executor) -> list[StructureFit]:
+    def tried(
+        self, starts: Sequence[tuple[Structure, Mapping[str, float]]], workers: Executor, *, growing: bool = False
+    ) -> list[StructureFit]:
         """Fits of structures from values of their parameters, SI, that are not taken into the table."""
         begun = []
         for structure, values in starts:
             space = self.task.space(structure, nuisances=True)
             own = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **values}
             begun.append(StructureFit(structure, own, np.inf, len(space.names)))
-        calls = [(self.task, start, [start], self._how, True) for start in begun]
+        calls = [(self.task, start, [start], self._how, True, growing) for start in begun]
         ends = in_order(workers, refit_from_supermodel, calls)
         fits = [start if end is None else end for start, (end, _) in zip(begun, ends, strict=True)]
         for fitted in fits:

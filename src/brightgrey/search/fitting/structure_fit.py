@@ -78,11 +78,16 @@ def best_parents(parents: Sequence[StructureFit], options: Options) -> list[Stru
 
 
 def refit_from_supermodel(
-    task: IdentificationTask, own: StructureFit, larger: Sequence[StructureFit], options: Options, anyway: bool = False
+    task: IdentificationTask,
+    own: StructureFit,
+    larger: Sequence[StructureFit],
+    options: Options,
+    anyway: bool = False,
+    growing: bool = False,
 ) -> tuple[StructureFit | None, SimulationCount]:
     """Descend once more from where `larger` structures did better; None if it is no better there, but for `anyway`.
 
-    And what that took.
+    And what that took. A structure that may be unstable descends on `growing` beginnings, too, if asked for.
     """
     problem, space = task.problem_and_space(own.structure)
     values = _given(space, own.structure, larger)
@@ -96,8 +101,10 @@ def refit_from_supermodel(
         return None, problem.count(cost.size)
     joined = any(f.structure.masses > own.structure.masses for f in larger)
     chosen = begins[:, _best_chains(space, own.structure, begins, cost, options.starts if joined else 1)]
-    grown, spent = _grown_beginnings(task, problem, space, chosen, options)
-    starts = np.hstack([chosen, grown])
+    starts, spent = chosen, SimulationCount()
+    if growing and own.structure.may_be_unstable:
+        grown, spent = _grown_beginnings(task, problem, space, chosen, options)
+        starts = np.hstack([chosen, grown])
     ends = fit_many(
         problem, space, task.settings, starts, limit=options.rounds, tolerance=options.tolerance, cost_to_beat=own.cost
     )
@@ -109,14 +116,12 @@ def refit_from_supermodel(
 def _grown_beginnings(
     task: IdentificationTask, problem: SimulationErrorProblem, space: ParameterSpace, starts: Array, options: Options
 ) -> tuple[Array, SimulationCount]:
-    """Starts, shape (P, S), after descents on growing beginnings, and what these took; no starts without a wave.
+    """Starts, shape (P, S), after descents on growing beginnings, and what these took.
 
     Over many periods of a load of the position the least change of its place or another parameter makes another motion
     in the end, and the valley of the cost is narrow.
     """
     spent = SimulationCount()
-    if not problem.structure.may_be_unstable:
-        return starts[:, :0], spent
     for share in growing_horizons(MULTISTART_DEFAULTS.first_share):
         part, first = problem.truncated(share), share == MULTISTART_DEFAULTS.first_share
         limit = options.rounds if first else MULTISTART_DEFAULTS.stage_rounds

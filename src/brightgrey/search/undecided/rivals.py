@@ -337,7 +337,8 @@ class _Exchange:
     def ends(self, starts: Sequence[tuple[Structure, Mapping[str, float]]]) -> list[Refined]:
         """Refined fits from some values; once more where these are better than the end of an earlier fit."""
         refined, workers = self.detectability.refined, self.detectability.executor
-        fits = refined.fits.tried([(s, values) for s, values in starts if self.is_worth_a_fit(s, values)], workers)
+        worth = [(s, values) for s, values in starts if self.is_worth_a_fit(s, values)]
+        fits = refined.fits.tried(worth, workers, growing=True)
         calls = [(refined.task, f.structure, f.values, refined.whitening, np.inf) for f in fits]
         for end in in_order(workers, refine, calls):
             known = self.fitted.get(end.structure, end)
