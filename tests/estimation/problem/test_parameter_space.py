@@ -58,17 +58,24 @@ def test_parameter_space__bounds_and_fixed_values__replace_declared_ones():
     assert space.fixed == {"f_v": 0.5}
 
 
-def test_recentred__angle__moves_by_whole_turns_and_nothing_else_moves():
+def test_recentred__angle_near_an_end_of_its_range__moves_by_a_turn_and_nothing_else_moves():
     structure = function_set().parse("one_mass+gravity+pendulum")
     space = parameter_space(structure, SCALES, {}, {})
-    values = np.repeat(space.start[:, None], 4, axis=1)
-    values[space.names.index("phi_0")] = (-6.28, -3.0, 3.2, 6.28)
+    angle = space.names.index("phi_0")
+    values = np.repeat(space.start[:, None], 5, axis=1)
+    values[angle] = (-6.28, -3.2, 3.1, 3.5, 6.28)  # upright, an angle keeps its sign
     moved = space.from_scaled(space.recentred(space.to_scaled(values).T).T)
-    turned = values[space.names.index("phi_0")] + 2.0 * np.pi * np.array([1, 0, -1, -1])
-    np.testing.assert_allclose(moved[space.names.index("phi_0")], turned, rtol=1e-9)
-    np.testing.assert_allclose(np.delete(moved, space.names.index("phi_0"), 0), np.delete(values, -1, 0), rtol=1e-12)
-    bounded = parameter_space(structure, SCALES, {"phi_0": (4.0, 6.0)}, {})
-    assert (bounded.recentred(bounded.to_scaled(bounded.high)) == bounded.to_scaled(bounded.high)).all()
+    np.testing.assert_allclose(moved[angle], values[angle] + 2.0 * np.pi * np.array([1, 0, 0, 0, -1]), rtol=1e-9)
+    np.testing.assert_allclose(np.delete(moved, angle, 0), np.delete(values, angle, 0), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("low", "high", "repeats"), [(4.0, 6.0, False), (-6.3, 6.3, True), (-3.2, 3.2, False)])
+def test_recentred__angle_with_given_bounds__repeats_where_two_turns_are_allowed(low, high, repeats):
+    structure = function_set().parse("one_mass+pendulum")
+    space = parameter_space(structure, SCALES, {"phi_0": (low, high)}, {})
+    assert ("phi_0" in space.periods) == repeats
+    at_bound = space.to_scaled(space.high)
+    assert (space.recentred(at_bound) == at_bound).all() != repeats
 
 
 @pytest.mark.parametrize(

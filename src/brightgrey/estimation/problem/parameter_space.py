@@ -103,15 +103,17 @@ class ParameterSpace:
         return np.clip(values, low, high)
 
     def recentred(self, theta: Array) -> Array:
-        """Scaled values, shape (..., P), that mean the same and lie within half a period of their range's middle.
+        """Scaled values, shape (..., P), that mean the same and are no longer near the ends of their range.
 
-        An angle that is fitted has no bounds then: no step ends at them.
+        So no descent stays at a bound of an angle. What lies within three quarters of a period of the middle is left as
+        it is: an angle near pi does not change its sign from fit to fit.
         """
         rows = [i for i, name in enumerate(self.names) if name in self.periods]
         period = np.array([self.periods[self.names[i]] for i in rows])
         middle = 0.5 * (self.low[rows] + self.high[rows])
         out = theta.copy()
-        out[..., rows] -= np.round((theta[..., rows] * self.width[rows] - middle) / period) * period / self.width[rows]
+        off = (theta[..., rows] * self.width[rows] - middle) / period
+        out[..., rows] -= np.where(np.abs(off) > 0.75, np.round(off), 0.0) * period / self.width[rows]
         return out
 
     def fix(self, name: str, value: float) -> ParameterSpace:
@@ -191,11 +193,12 @@ def parameter_space(
             raise SettingsError(f"bound of {name}: low {low:g} has to be positive")
         ranges.append((low, high))
         starts.append(float(np.clip(parameter.start(scales), low, high)))
+    widths = {name: high - low for name, (low, high) in zip(names, ranges, strict=True)}
+    periods = {n: declared[n].period for n, width in widths.items() if 2.0 * declared[n].period <= width < np.inf}
     log = np.array([declared[name].scale == "log" for name in names] + [part.log for part in nuisances], bool)
     table = np.array(ranges + [(part.low, part.high) for part in nuisances]).reshape(-1, 2)
     starts += [part.start for part in nuisances]
     names += tuple(part.name for part in nuisances)
-    periods = {n: p.period for n, p in declared.items() if p.period < np.inf and n not in bounds}
     blocks = tuple(_blocks(structure, names, bounds))
     not_sampled = np.array([False] * len(ranges) + [not part.sampled for part in nuisances], bool)
     start = np.array(starts)

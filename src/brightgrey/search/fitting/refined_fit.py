@@ -149,7 +149,7 @@ def refine(
                 break
             found, slopes = evaluate(problem, space, settings, theta + steps[best])
             simulations += 1 + len(theta)
-        last, theta, residual, jacobian = cost, theta + steps[best], found, slopes
+        last, theta, residual, jacobian = cost, space.recentred(theta + steps[best]), found, slopes
         damping = float(np.clip(factors[best], LM_DEFAULTS.min_damping, LM_DEFAULTS.max_damping))
     end = space.from_scaled(theta[:, None])[:, 0]
     sides = zip(space.names, space.active_bounds(end), strict=True)

@@ -101,34 +101,35 @@ def refit_from_supermodel(
         return None, problem.count(cost.size)
     joined = any(f.structure.masses > own.structure.masses for f in larger)
     chosen = begins[:, _best_chains(space, own.structure, begins, cost, options.starts if joined else 1)]
-    starts, spent = chosen, SimulationCount()
+    starts, spent, batches = chosen, SimulationCount(), own.batches
     if growing and own.structure.may_be_unstable:
-        grown, spent = _grown_beginnings(task, problem, space, chosen, options)
-        starts = np.hstack([chosen, grown])
+        grown, spent, more = _grown_beginnings(task, problem, space, chosen, options)
+        starts, batches = np.hstack([chosen, grown]), batches + more
     ends = fit_many(
         problem, space, task.settings, starts, limit=options.rounds, tolerance=options.tolerance, cost_to_beat=own.cost
     )
     end = min(ends, key=lambda e: e.cost)
     spent += problem.count(cost.size + sum(e.simulations for e in ends))
-    return _fitted(own.structure, space, end, own.batches + 1 + end.evaluations, spent), spent
+    return _fitted(own.structure, space, end, batches + 1 + end.evaluations, spent), spent
 
 
 def _grown_beginnings(
     task: IdentificationTask, problem: SimulationErrorProblem, space: ParameterSpace, starts: Array, options: Options
-) -> tuple[Array, SimulationCount]:
-    """Starts, shape (P, S), after descents on growing beginnings, and what these took.
+) -> tuple[Array, SimulationCount, int]:
+    """Starts, shape (P, S), after descents on growing beginnings; what these took, and in how many batches.
 
     Over many periods of a load of the position the least change of its place or another parameter makes another motion
     in the end, and the valley of the cost is narrow.
     """
-    spent = SimulationCount()
+    spent, batches = SimulationCount(), 0
     for share in growing_horizons(MULTISTART_DEFAULTS.first_share):
         part, first = problem.truncated(share), share == MULTISTART_DEFAULTS.first_share
         limit = options.rounds if first else MULTISTART_DEFAULTS.stage_rounds
         ends = fit_many(part, space, task.settings, starts, limit=limit, tolerance=options.tolerance)
         starts = np.stack([e.values for e in ends], axis=1)
         spent += part.count(sum(e.simulations for e in ends))
-    return starts, spent
+        batches += max(e.evaluations for e in ends)
+    return starts, spent, batches
 
 
 def continue_from_supermodel(

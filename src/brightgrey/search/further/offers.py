@@ -211,8 +211,7 @@ class OfferingSearch:
 
         First-order scores choose which are fitted. Dry friction that stands at another mass is tried in its place, and
         so are the limiting cases of what explains most. Of those that explain alike the one with fewest parameters is
-        taken. It is fitted by multistart if it is bent, and
-        beside the fewest masses.
+        taken. It is fitted by multistart if it is bent or stands beside the fewest masses.
         """
         found = further_effects(self.task, own, self.more, self.seed) + moved_effects(self.task, own, self.more)
         fits = self.steady(own, self.fits.tried([_with_effect(own, f) for f in found], self.executor))

@@ -173,7 +173,9 @@ class _Exchange:
             most = parameter_count(p for p in own.structure.placed if p not in without.structure.placed)
             worth = [f for score, f in scored if score >= near or (score >= like and parameter_count(f.added) <= most)]
             cases = limiting_cases_within(without.structure)  # one in the place of another: no slope tells
-            worth = worth[: FURTHER.exchanged] + [f for _, f in scored if {gone.name, f.placed.name} <= cases]
+            worth = worth[: FURTHER.exchanged] + [
+                f for _, f in scored if gone.name != f.placed.name and {gone.name, f.placed.name} <= cases
+            ]
             starts = {f.placed: f.start for f in worth} | self.moved(own, gone)
             found += self.rivals(own.values, without.structure, starts) + self.limiting(own, gone)
         return found + self.of_excluded(own)
