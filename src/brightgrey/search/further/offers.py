@@ -209,15 +209,17 @@ class OfferingSearch:
     def with_one_more(self, own: StructureFit) -> StructureFit | None:
         """A fit with the further effect that explains most of what a structure leaves; None if none is notable.
 
-        First-order scores choose which are fitted. Dry friction that stands at another mass is tried in its place, and
-        so are the limiting cases of what explains most. Of those that explain alike the one with fewest parameters is
-        taken. It is fitted by multistart if it is bent or stands beside the fewest masses.
+        First-order scores choose which are fitted. Dry friction that stands at another mass is tried in its place. So
+        are the limiting cases of what explains most, if they explain as much. Of those that explain alike the one with
+        fewest parameters is taken. It is fitted by multistart if it is bent or stands beside the fewest masses.
         """
         found = further_effects(self.task, own, self.more, self.seed) + moved_effects(self.task, own, self.more)
         fits = self.steady(own, self.fits.tried([_with_effect(own, f) for f in found], self.executor))
         if fits:
-            simpler = as_limiting_cases(own, min(fits, key=lambda f: f.cost), self.more)
-            fits += self.steady(own, self.fits.tried(simpler, self.executor))
+            leader = min(fits, key=lambda f: f.cost)
+            simpler = self.fits.tried(as_limiting_cases(own, leader, self.more), self.executor)
+            as_good = [f for f in simpler if f.cost <= (1.0 + FURTHER.notable_gain) * leader.cost]
+            fits += self.steady(own, as_good)
         parameters = {f.structure: len(f.structure.parameters) for f in fits}
         most = max((own.cost - f.cost for f in fits), default=0.0)
         alike = [f for f in fits if own.cost - f.cost >= FURTHER.alike * most]
