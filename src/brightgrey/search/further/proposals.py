@@ -49,6 +49,7 @@ __all__ = [
     "is_spring",
     "least_rival_cost",
     "limiting_cases",
+    "limiting_cases_within",
     "moved_effects",
 ]
 
@@ -143,6 +144,11 @@ def limiting_cases(
             there = own.values if placed in own.structure.placed else dict.fromkeys(sizes, 0.0)
             found[placed] = {name: there[name] + size for name, size in sizes.items()}
     return found
+
+
+def limiting_cases_within(structure: Structure) -> set[str]:
+    """Names of the effects that are limiting cases of some of a structure."""
+    return {case.effect for p in structure.placed for case in p.effect.limiting_cases}
 
 
 def as_limiting_cases(

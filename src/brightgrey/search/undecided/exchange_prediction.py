@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,9 +16,7 @@ from brightgrey.search.further.proposals import EffectChanges, FurtherEffect, by
 __all__ = [
     "Linearised",
     "WithoutEffect",
-    "limiting_cases_within",
     "linearised",
-    "parameter_count",
     "without_effect",
 ]
 
@@ -87,13 +85,3 @@ def without_effect(structure: Structure, gone: Placed) -> Structure:
     """The structure without an effect, and without what requires it."""
     dependent = [p for p in structure.placed if p.place == gone.place and gone.name in p.effect.requires]
     return Structure(tuple(p for p in structure.placed if p != gone and p not in dependent))
-
-
-def limiting_cases_within(structure: Structure) -> set[str]:
-    """Names of the effects that are limiting cases of some of a structure."""
-    return {case.effect for p in structure.placed for case in p.effect.limiting_cases}
-
-
-def parameter_count(placed: Iterable[Placed]) -> int:
-    """Number of parameters of some effects."""
-    return sum(len(p.effect.parameters) for p in placed)

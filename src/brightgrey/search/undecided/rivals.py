@@ -9,7 +9,7 @@ A rival loses what it does not need, and is exchanged in turn.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -31,16 +31,12 @@ from brightgrey.search.further.proposals import (
     further_effects,
     is_spring,
     limiting_cases,
+    limiting_cases_within,
 )
 from brightgrey.search.lattice import contains, mass_chain_of
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, FURTHER
-from brightgrey.search.undecided.exchange_prediction import (
-    limiting_cases_within,
-    linearised,
-    parameter_count,
-    without_effect,
-)
+from brightgrey.search.undecided.exchange_prediction import linearised, without_effect
 
 __all__ = ["containing_none", "rival_to_offer", "rivals_among", "rivals_beyond"]
 
@@ -170,8 +166,8 @@ class _Exchange:
             without = at.without(gone)
             scored = by_score([without.beyond(c) for c in changes], without.left)
             near, like = without.deviance - self.far(own), FURTHER.imitated_share * (without.deviance - own.deviance)
-            most = parameter_count(p for p in own.structure.placed if p not in without.structure.placed)
-            worth = [f for score, f in scored if score >= near or (score >= like and parameter_count(f.added) <= most)]
+            most = _parameter_count(p for p in own.structure.placed if p not in without.structure.placed)
+            worth = [f for score, f in scored if score >= near or (score >= like and _parameter_count(f.added) <= most)]
             cases = limiting_cases_within(without.structure)  # one in the place of another: no slope tells
             worth = worth[: FURTHER.exchanged] + [
                 f for _, f in scored if gone.name != f.placed.name and {gone.name, f.placed.name} <= cases
@@ -222,12 +218,12 @@ class _Exchange:
         for sizes in cases.values():
             values |= sizes
         ends = self.ends([(structure, values)])
-        room = len(gone.effect.parameters) - parameter_count(new)
+        room = len(gone.effect.parameters) - _parameter_count(new)
         if room and not self.is_adequate(ends[0]):
             others = [p for p in self.allowed - structure.beside if not (p.effect.masses or p.effect.has_hard_limit)]
             others.sort(key=lambda p: (p.effect.number, p.place))
             scored = [f for _, f in linearised(self.detectability.refined, ends[0]).beside(others, self.seed)]
-            small = [f for f in scored if parameter_count(f.added) <= room][: FURTHER.exchanged]
+            small = [f for f in scored if _parameter_count(f.added) <= room][: FURTHER.exchanged]
             larger = [(Structure((*structure.placed, *f.added)), {**ends[0].values, **f.start}) for f in small]
             ends += self.ends([(s, start) for s, start in larger if self.is_new(s)])
         return self.taken(ends, given[:1] * len(ends))
@@ -374,3 +370,8 @@ class _Exchange:
     def far(self, own: Refined) -> float:
         """Predicted deviance above which an exchange is not worth a fit."""
         return self.limit(own) + BORDER.far * self.detectability.circumstances.chance(1)
+
+
+def _parameter_count(placed: Iterable[Placed]) -> int:
+    """Number of parameters of some effects."""
+    return sum(len(p.effect.parameters) for p in placed)
