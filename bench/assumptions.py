@@ -24,7 +24,6 @@ from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.border import Border
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import evidence_of
-from brightgrey.search.fitting.coarse import coarse_task
 from brightgrey.search.lattice import Lattice, has
 from brightgrey.search.parallel import InlineExecutor
 from brightgrey.search.policy import SELECTION
@@ -147,12 +146,12 @@ def examine(seed: int, number: int) -> dict[str, object]:
     task = identification_task([drive.recordings(NOISE)[0]], None, {}, {}, None)
     begin = time.process_time()
     executor, lattice = InlineExecutor(lambda: False), Lattice.of(PAPER)
-    search = BorderSearch(coarse_task(task), lattice, executor, drive.seed)
+    search = BorderSearch(task.decimated(), lattice, executor, drive.seed)
     search.run()
 
     def decided(assumption: Assumption = NOTHING, factor: float = 1.0) -> dict[str, object]:
         """Decide anew from the fits of the search."""
-        own = BorderSearch(assumption.of_task(coarse_task(task), factor), lattice, executor, drive.seed)
+        own = BorderSearch(assumption.of_task(task.decimated(), factor), lattice, executor, drive.seed)
         own.fits.done.update(search.fits.done)
         own.fits.anchors.update(search.fits.anchors)
         own.fits.agreeing.update(search.fits.agreeing)

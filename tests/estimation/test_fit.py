@@ -1,5 +1,6 @@
 """Whole fits: what must be found again, and what must be said where it cannot be."""
 
+import sys
 from importlib.resources import files
 
 import numpy as np
@@ -203,3 +204,31 @@ def test_fit__given_start_of_a_load_over_the_position__is_not_left_for_a_worse_o
     exact = {name: np.array([value]) for name, value in truth.items()}
     problem = SimulationErrorProblem.of(TURNING, [recording], initial="rest")
     assert found.cost <= problem.costs(exact, found.settings)[0]
+
+
+def test_fit__long_slow_motion__begins_with_a_part_of_the_samples_and_ends_with_all(monkeypatch):
+    module, descended = sys.modules["brightgrey.estimation.fit"], list[int]()
+    multistart = module.multistart
+
+    def counting(problem, *args, **options):
+        descended.append(problem.samples)
+        return multistart(problem, *args, **options)
+
+    monkeypatch.setattr(module, "multistart", counting)
+    structure, values = (
+        Structure.parse("two_mass+viscous"),
+        {"J1": 0.02, "J2": 0.01, "c1": 1.0, "d1": 0.02, "f_v": 0.05},
+    )
+    t = 1e-3 * np.arange(10_001)
+    u = np.sin(2.0 * np.pi * 0.7 * t) + np.sin(2.0 * np.pi * 2.1 * t)
+    (v,) = reference(structure, values, u, 1e-3, f_tanh=1e3)
+    recording = make_recording(u, v + 0.02 * v.std() * np.random.default_rng(0).normal(size=v.size))
+    fitted = fit(structure, [recording], starts=4, patience=1)
+    assert descended == [pytest.approx(recording.samples / 5, abs=1)]
+    for name, true in values.items():
+        estimate = fitted.estimates[name]
+        assert abs(estimate.value - true) < 4.0 * estimate.std, name
+    assert fitted.train["v"].rmse == pytest.approx(0.02 * v.std(), rel=0.03)  # 0.7 % by chance
+    problem = SimulationErrorProblem.of(structure, [recording])
+    arrays = {name: np.array([e.value]) for name, e in fitted.estimates.items()}
+    assert fitted.cost == pytest.approx(problem.costs(arrays, fitted.settings)[0], rel=1e-6)

@@ -189,7 +189,7 @@ def identify(
             f_tanh=None if task.friction_width else task.settings.f_tanh,
             start=found.starts if found else start_si(chosen, start, several[0].units, constants),
             starts=starts,
-            patience=_patience(found),
+            patience=_PATIENCE_AFTER_SEARCH if found else _PATIENCE,
             seed=seed,
             level=level,
             estimator=one_of("estimator", estimator, ESTIMATORS),
@@ -200,13 +200,6 @@ def identify(
         made = _assemble_result(fit, several, test, constants, seed, found, profiles, checkup)
     asked = _Asked(task, tuple(require), tuple(exclude), initial, level, seed)
     return replace(made, record=_record(asked, fit, found), recordings=several)
-
-
-def _patience(found: SearchResult | None) -> int:
-    """Patience of the last multistart: a search has made its own, except of a structure that it made smaller."""
-    evidence = found.evidence if found else None
-    is_new = evidence is not None and evidence.status[evidence.first.structure] == "steady"
-    return _PATIENCE if found is None or is_new else _PATIENCE_AFTER_SEARCH
 
 
 def _check_request(

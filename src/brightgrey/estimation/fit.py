@@ -22,7 +22,13 @@ from brightgrey.estimation.diagnostics.second_opinion import TermOpinion, contra
 from brightgrey.estimation.diagnostics.short_periods import short_period_findings
 from brightgrey.estimation.diagnostics.symptoms import Symptom, symptoms
 from brightgrey.estimation.noise.residual_analysis import nrmse_fit_percent
-from brightgrey.estimation.optimisation.least_squares import Optimum, OptimumWithJacobian, fit_to_convergence
+from brightgrey.estimation.optimisation.least_squares import (
+    SAME_OPTIMUM_RTOL,
+    Optimum,
+    OptimumWithJacobian,
+    fit_many,
+    fit_to_convergence,
+)
 from brightgrey.estimation.optimisation.multistart import first_starts, multistart
 from brightgrey.estimation.optimisation.pattern_fit import (
     ESTIMATORS,
@@ -31,6 +37,7 @@ from brightgrey.estimation.optimisation.pattern_fit import (
     pattern_searches,
 )
 from brightgrey.estimation.optimisation.start_points import given_starts
+from brightgrey.estimation.problem.decimation import decimated_together
 from brightgrey.estimation.problem.initial_state import Initial
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, FRICTION_WIDTH_RANGE, friction_width_nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
@@ -161,7 +168,8 @@ def fit(
     """Estimate the parameters of `structure` by bounded least squares on the simulation error, or by pattern search.
 
     Samples that fill the bounds are simulated once. Descents at the ``fast`` level begin at the best of them, at the
-    start value from the torque balance and at those of the user. The best optima are fitted again at `level`.
+    start value from the torque balance and at those of the user. Of long recordings they go through every k-th sample
+    where the motion needs no more, and the best ones go on with all. The best optima are fitted again at `level`.
 
     Parameters
     ----------
@@ -220,7 +228,7 @@ def fit(
     elif one_of("estimator", estimator, ESTIMATORS) == "pattern-search":
         descent = _by_pattern_search(problem, space, settings, final, given, starts, seed)
     else:
-        descent = _by_multistart(problem, space, settings, final, given, starts, patience, seed, options)
+        descent = _by_multistart(problem, known, space, settings, final, given, starts, patience, seed, options)
     best, equivalent = resolve_lag_pole_exchange(problem, space, final, descent.best)
     reversal, space, best = estimated_width(problem, space, final, best)
     final = final if reversal is None or not reversal.value else replace(final, f_tanh=1.0 / reversal.value)
@@ -298,6 +306,7 @@ def _by_pattern_search(
 
 def _by_multistart(
     problem: SimulationErrorProblem,
+    known: Scales,
     space: ParameterSpace,
     settings: Settings,
     final: Settings,
@@ -309,21 +318,38 @@ def _by_multistart(
 ) -> _Descent:
     """Best optima of a multistart search, fitted again at the final level, and so are given starts that are better.
 
-    Descents begin on a short part of the recordings, which may lead away from what is known already.
+    Descents begin on a short part of the recordings, which may lead away from what is known already. Of long recordings
+    they go through every k-th sample, and the best ones go on with all samples.
     """
-    found = multistart(problem, space, settings, _begins(given), starts=starts, patience=patience, seed=seed)
-    optima = sorted(zip(found.optima, found.starts.T, strict=True), key=lambda pair: pair[0].cost)
+    easier = replace(problem, recordings=decimated_together(problem.recordings, known.inertia))
+    found = multistart(easier, space, settings, _begins(given), starts=starts, patience=patience, seed=seed)
+    optima, evaluations = list(zip(found.optima, found.starts.T, strict=True)), found.evaluations
+    if easier.samples < problem.samples:
+        optima = _best_different(optima, starts)
+        ends = fit_many(problem, space, settings, np.stack([optimum.values for optimum, _ in optima], axis=1))
+        optima = [(end, start) for end, (_, start) in zip(ends, optima, strict=True)]
+        evaluations += max(end.evaluations for end in ends)
+    optima.sort(key=lambda pair: pair[0].cost)
     finalists = _finalists(space, [optimum for optimum, _ in optima], options)
     finished = [fit_to_convergence(problem, space, final, optimum.values) for optimum in finalists]
     least = min(fitted.cost for fitted in finished)
     better = [v for v in given_starts(space, given) if problem.costs(space.named(v[:, None]), final)[0] < least]
     finished += [fit_to_convergence(problem, space, final, values) for values in better]
-    evaluations = found.evaluations + sum(fitted.evaluations for fitted in finished)
+    evaluations += sum(fitted.evaluations for fitted in finished)
     tried = tuple(
         Start(space.by_name(start), space.by_name(optimum.values), optimum.cost, optimum.converged)
         for optimum, start in optima
     )
     return _Descent(min(finished, key=lambda fitted: fitted.cost), evaluations, tried)
+
+
+def _best_different(optima: Sequence[tuple[Optimum, Array]], most: int) -> list[tuple[Optimum, Array]]:
+    """The best optima, each with its start, no two of them with the same cost."""
+    found: list[tuple[Optimum, Array]] = []
+    for optimum, start in sorted(optima, key=lambda pair: pair[0].cost):
+        if not found or optimum.cost > (1.0 + SAME_OPTIMUM_RTOL) * found[-1][0].cost:
+            found.append((optimum, start))
+    return found[:most]
 
 
 def settings_for(

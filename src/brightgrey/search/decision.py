@@ -20,12 +20,11 @@ from brightgrey.search.certificate import Certificate, RefutedStructure
 from brightgrey.search.criteria import bic
 from brightgrey.search.detectability import Detectability
 from brightgrey.search.evidence import Evidence, assess_effects, with_model
-from brightgrey.search.fitting.coarse import coarse_task
 from brightgrey.search.fitting.refined_fit import Refined, accurate
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.lattice import Lattice, contains, has, is_excluded
 from brightgrey.search.parallel import Stopped, thread_pool
-from brightgrey.search.policy import SELECTION
+from brightgrey.search.policy import BORDER, SELECTION
 from brightgrey.search.progress import BorderProgress, SearchProgress
 from brightgrey.search.ranking import Ranked, ranking_of
 from brightgrey.search.task import IdentificationTask
@@ -148,7 +147,7 @@ def decide_structures(
     with thread_pool(executor) as workers:
         total = lattice.size if how == "exhaustive" else None
         search: BorderSearch = (partial(BorderRefit, optima=optima) if optima else BorderSearch)(
-            coarse_task(task.with_friction_of(*(optima or {}).values())),
+            task.decimated().with_friction_of(*(optima or {}).values()),
             lattice,
             workers,
             seed,
@@ -210,10 +209,7 @@ def evidence_of(
     for rival in rivals:
         search.refined.adopt(rival)
     optional, cards = assess_effects(detectability, border, doubts, certificate, instead)
-    added = [*optional, *(str(p) for p in found[0].placed if not has(doubts.model, str(p)))]
-    first = extended_by_prediction(
-        detectability, predictions, doubts.model, added, lambda s: _is_identified(search, search.refined.of(s))
-    )
+    first = _handed_back(search, detectability, predictions, doubts, optional)
     held_back = verdicts_on_masses(grammar, exclude, cards)
     held_back += first_order_verdicts(detectability, found, search.more, cards, instead)
     undecided = [c.effect for c in cards if c.verdict == "not decidable"]
@@ -249,6 +245,27 @@ def evidence_of(
         {f.structure: percent for f, percent in zip(leading, predictions.of(leading), strict=True)},
         None if first == found[0] else search.refined.of(first),
     )
+
+
+def _handed_back(
+    search: BorderSearch,
+    detectability: Detectability,
+    predictions: LeftOutRecordings,
+    doubts: Doubts,
+    optional: Sequence[str],
+) -> Structure:
+    """The structure that is handed back: the first minimal one, or what doubts and predictions make of it.
+
+    What they make of it has been fitted from its neighbours only, and is fitted by multistart now.
+    """
+    found = doubts.found
+    added = [*optional, *(str(p) for p in found[0].placed if not has(doubts.model, str(p)))]
+    first = extended_by_prediction(
+        detectability, predictions, doubts.model, added, lambda s: _is_identified(search, search.refined.of(s))
+    )
+    if not (isinstance(search, BorderRefit) or any(contains(first, s) for s in found)):
+        search.fits.restart_many([first], BORDER.patience, search.executor)
+    return first
 
 
 def _rivalled(

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 __all__ = [
     "BORDER",
     "BUDGET",
-    "COARSE",
     "FURTHER",
     "REFINEMENT",
     "REFIT",
     "SELECTION",
     "BorderPolicy",
-    "CoarsePolicy",
     "FurtherEffectsPolicy",
     "RefinementPolicy",
     "RefitPolicy",
@@ -139,24 +137,9 @@ class FurtherEffectsPolicy:
     draws: int = 15  #: Values that are tried for the further parameters of an effect.
 
 
-@dataclass(frozen=True)
-class CoarsePolicy:
-    """Samples that are left out in a search."""
-
-    largest_factor: int = 10
-    least_samples: int = 2000  #: Samples that all recordings keep together.
-    least_of_each: int = 500  #: Samples that every recording keeps: its noise has a model of its own.
-    #: Largest error of the motion of a rigid drive, as part of the noise of each output.
-    allowed_error: float = 0.5
-    #: Part of the input's power that may be lost: more may excite a resonance.
-    allowed_loss: float = 0.01
-    min_relative_noise: float = 1e-3  #: Least noise, as part of an output's standard deviation.
-
-
 SELECTION = SelectionPolicy()
 REFINEMENT = RefinementPolicy()
 BORDER = BorderPolicy()
 FURTHER = FurtherEffectsPolicy()
-COARSE = CoarsePolicy()
 BUDGET = SearchBudget()
 REFIT = RefitPolicy()

@@ -13,6 +13,7 @@ from brightgrey.arrays import Array
 from brightgrey.effects import Parameter, Scales
 from brightgrey.errors import one_of
 from brightgrey.estimation.noise.error_floor import error_variances
+from brightgrey.estimation.problem.decimation import decimated_together
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, Nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
@@ -66,6 +67,10 @@ class IdentificationTask:
         """Task with exact friction if one of several optima has it."""
         exact = any(values.get(FRICTION_WIDTH) == 0.0 for values in optima)
         return replace(self, exact_friction=self.exact_friction or exact)
+
+    def decimated(self) -> IdentificationTask:
+        """Task with every k-th sample, for the largest k that all recordings allow."""
+        return replace(self, recordings=decimated_together(self.recordings, self.scales.inertia))
 
     def bounds_of(self, structure: Structure) -> dict[str, tuple[float, float]]:
         """Those of `bounds` that `structure` has."""

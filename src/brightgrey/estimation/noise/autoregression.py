@@ -93,7 +93,7 @@ class Autoregression:
         if self.variance == 0.0:
             return float(samples)
         at_frequency_zero = self.variance / sum(self.a) ** 2
-        return float(min(samples * self.autocovariance(samples)[0] / at_frequency_zero, samples))
+        return float(min(samples * self.autocovariance(1)[0] / at_frequency_zero, samples))
 
     def effective_samples_variance(self, samples: int) -> float:
         """Number of independent samples that give a variance with the same uncertainty as `samples` of this noise.
@@ -125,9 +125,8 @@ class Autoregression:
         total = np.maximum(share.sum(axis=0), np.finfo(float).tiny)
         log_variance = np.full(g.shape[1], 2.0 / n)
         if self.order and self.variance > 0.0:
-            delays = np.exp(-2j * np.pi * np.arange(len(response)) / length)[:, None] ** np.arange(1, self.order + 1)
-            slopes = -2.0 * (delays / response[:, None]).real.T @ (share / total)
-            column = self.autocovariance(n)[: self.order] / self.variance
+            slopes = -2.0 * _sums_over_frequencies(share / total / response[:, None], length)[1 : 1 + self.order]
+            column = self.autocovariance(self.order) / self.variance
             column[0] *= 1.0 + POLICY.relative_variance_floor
             inverse = solve_toeplitz(column, slopes)
             log_variance = log_variance + np.maximum(np.sum(slopes * inverse, axis=0), 0.0) / n
@@ -196,6 +195,15 @@ def levinson(c: Array) -> Autoregression | None:
         a = a + reflection * a[::-1]
         variance *= 1.0 - reflection**2
     return Autoregression(tuple(a.tolist()), variance)
+
+
+def _sums_over_frequencies(spectrum: Array, length: int) -> Array:
+    """Real parts of ``sum spectrum exp(-i w k)`` for the delays k, over the frequencies w of a transform.
+
+    Shapes (length / 2 + 1, P) and (length, P). An inverse transform counts all but the first and the last one twice.
+    """
+    ends = spectrum[:1].real + spectrum[-1:].real * np.cos(np.pi * np.arange(length))[:, None]
+    return np.asarray(0.5 * (length * irfft(np.conj(spectrum), length, axis=0) + ends))
 
 
 def _fast_length(samples: int) -> int:

@@ -1,40 +1,41 @@
-"""A search leaves out samples where input and noise allow it."""
+"""Descents leave out samples where input and noise allow it."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from brightgrey.search.fitting.coarse import coarse_task, decimated
-from brightgrey.search.policy import COARSE
+from brightgrey.estimation.problem.decimation import POLICY, decimated, decimated_together
 from support.searches import simulated_task
 
 DT = 1e-3
-T = DT * np.arange(2 * COARSE.least_samples + 1)
+T = DT * np.arange(2 * POLICY.least_samples + 1)
 SLOW = 3.0 * np.sin(2.0 * np.pi * 1.0 * T)
 VALUES = {"J1": 0.02, "f_v": 0.03}
 
 
+INERTIA = 0.02
+
+
 @pytest.fixture(scope="module")
-def task():
+def recording():
     """A slow motion of two to three times as many samples as have to be kept, and noise of a twentieth of it."""
-    return simulated_task("one_mass+viscous", VALUES, SLOW, 1.0, dt=DT, f_tanh=50.0)
+    return simulated_task("one_mass+viscous", VALUES, SLOW, 1.0, dt=DT, f_tanh=50.0).recordings[0]
 
 
-@pytest.mark.parametrize(("recordings", "factor"), [(1, 2), (2, 4), (4, 8), (9, 8)])
-def test_coarse_task__slow_motion__keeps_least_number_of_samples_of_all_recordings(task, recordings, factor):
-    coarse = coarse_task(replace(task, recordings=task.recordings * recordings))
-    assert [r.dt for r in coarse.recordings] == pytest.approx([factor * DT] * recordings)
-    assert sum(r.samples for r in coarse.recordings) >= COARSE.least_samples
-    assert min(r.samples for r in coarse.recordings) >= COARSE.least_of_each
+@pytest.mark.parametrize(("count", "factor"), [(1, 2), (2, 4), (4, 8), (9, 8)])
+def test_decimated_together__slow_motion__keeps_least_number_of_samples_of_all_recordings(recording, count, factor):
+    coarse = decimated_together([recording] * count, INERTIA)
+    assert [r.dt for r in coarse] == pytest.approx([factor * DT] * count)
+    assert sum(r.samples for r in coarse) >= POLICY.least_samples
+    assert min(r.samples for r in coarse) >= POLICY.least_of_each
 
 
-def test_coarse_task__few_samples_or_fast_input__same_task(task):
-    (whole,) = task.recordings
-    short = replace(task, recordings=(replace(whole, t=whole.t[:-2], u=whole.u[:-2], y=whole.y[:, :-2]),))
-    fast = replace(task, recordings=(replace(whole, u=SLOW + 3.0 * np.sin(2.0 * np.pi * 400.0 * T)),) * 4)
-    assert coarse_task(short) is short
-    assert coarse_task(fast) is fast
+def test_decimated_together__few_samples_or_fast_input__same_recordings(recording):
+    short = replace(recording, t=recording.t[:-2], u=recording.u[:-2], y=recording.y[:, :-2])
+    fast = (replace(recording, u=SLOW + 3.0 * np.sin(2.0 * np.pi * 400.0 * T)),) * 4
+    assert decimated_together([short], INERTIA) == (short,)
+    assert decimated_together(fast, INERTIA) == fast
 
 
 def test_decimated__held_input__same_impulse():

@@ -1,13 +1,14 @@
-"""Coarser recordings for the descents of a search: samples are left out where the motion does not need them.
+"""Decimation of recordings for descents: samples are left out where the motion does not need them.
 
-A step of the simulation is as long as a sample. So a recording with every k-th sample costs a k-th. Structures are also
-decided by these samples. A noise model of tens of samples sees ten times as slow a noise, and on a long recording
-model error is slow. The model that is found is then fitted to all samples.
+A step of the simulation is as long as a sample. So a recording with every k-th sample costs a k-th. What a descent has
+found is then fitted to all samples. A search decides structures by the samples that are left, too. A noise model of
+tens of samples sees ten times as slow a noise, and on a long recording model error is slow.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,18 +16,40 @@ from brightgrey.arrays import Array
 from brightgrey.estimation.problem.initial_state import output_noise
 from brightgrey.recordings import Recording
 from brightgrey.recordings.clocks import straight_lines
-from brightgrey.search.policy import COARSE, CoarsePolicy
-from brightgrey.search.task import IdentificationTask
 
-__all__ = ["coarse_task", "decimated"]
+__all__ = ["decimated", "decimated_together"]
 
 
-def coarse_task(task: IdentificationTask, policy: CoarsePolicy = COARSE) -> IdentificationTask:
-    """The task with every k-th sample, for the largest k that all recordings allow; `task` itself if that is 1."""
-    samples = [r.samples for r in task.recordings]
-    most = min(policy.largest_factor, sum(samples) // policy.least_samples, min(samples) // policy.least_of_each)
-    factor = min(_largest_factor(r, task.scales.inertia, most, policy) for r in task.recordings)
-    return task if factor == 1 else replace(task, recordings=tuple(decimated(r, factor) for r in task.recordings))
+@dataclass(frozen=True)
+class _Policy:
+    """Samples that are left out."""
+
+    largest_factor: int = 10
+    least_samples: int = 2000  #: Samples that all recordings keep together.
+    least_of_each: int = 500  #: Samples that every recording keeps: its noise has a model of its own.
+    #: Largest error of the motion of a rigid drive, as part of the noise of each output.
+    allowed_error: float = 0.5
+    #: Part of the input's power that may be lost: more may excite a resonance.
+    allowed_loss: float = 0.01
+    min_relative_noise: float = 1e-3  #: Least noise, as part of an output's standard deviation.
+
+
+POLICY = _Policy()
+
+
+def decimated_together(recordings: Sequence[Recording], inertia: float) -> tuple[Recording, ...]:
+    """Recordings with every k-th sample, for the largest k that all of them allow; they are the same ones if that is 1.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    inertia : float
+        Inertia of the drive (mass of an axis in metres), SI.
+    """
+    samples = [r.samples for r in recordings]
+    most = min(POLICY.largest_factor, sum(samples) // POLICY.least_samples, min(samples) // POLICY.least_of_each)
+    factor = min(_largest_factor(r, inertia, most) for r in recordings)
+    return tuple(recordings if factor == 1 else (decimated(r, factor) for r in recordings))
 
 
 def decimated(recording: Recording, factor: int) -> Recording:
@@ -48,17 +71,17 @@ def decimated(recording: Recording, factor: int) -> Recording:
     return replace(r, t=r.t[: last + 1 : factor], u=u, y=y)
 
 
-def _largest_factor(recording: Recording, inertia: float, most: int, policy: CoarsePolicy) -> int:
+def _largest_factor(recording: Recording, inertia: float, most: int) -> int:
     """Largest factor up to `most` that keeps the input's power, and whose error moves a rigid drive less than noise."""
     r = recording
-    noise = np.maximum(output_noise(r), policy.min_relative_noise * r.y.std(axis=1))
+    noise = np.maximum(output_noise(r), POLICY.min_relative_noise * r.y.std(axis=1))
     for factor in range(most, 1, -1):
         lost = _interpolated(r, factor) - r.u
-        if lost @ lost > policy.allowed_loss * float(np.square(r.u - r.u.mean()).sum()):
+        if lost @ lost > POLICY.allowed_loss * float(np.square(r.u - r.u.mean()).sum()):
             continue
         moved = _motions(lost, r.dt, inertia)
         error = [float(np.sqrt(np.mean(np.square(moved[signal.physical.partition("@")[0]])))) for signal in r.outputs]
-        if np.all(np.array(error) <= policy.allowed_error * noise):
+        if np.all(np.array(error) <= POLICY.allowed_error * noise):
             return factor
     return 1
 
