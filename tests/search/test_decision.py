@@ -1,6 +1,7 @@
 """Decisions on whole recordings: the truth, few fits, and the same result however it is come to."""
 
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +10,10 @@ from scipy.stats import binom
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
-from brightgrey.search.decision import decide_structures
-from brightgrey.search.lattice import contains
-from brightgrey.search.parallel import Stopped
+from brightgrey.search.border_search import BorderSearch
+from brightgrey.search.decision import _sought_anew, decide_structures
+from brightgrey.search.lattice import Lattice, contains
+from brightgrey.search.parallel import InlineExecutor, Stopped
 from brightgrey.search.policy import SELECTION
 from brightgrey.simulation.reference import reference
 from support.searches import decided, minimal, simulated_task, task_of_arrays, verdicts
@@ -161,3 +163,19 @@ def test_decide__interrupted__keeps_the_fits_so_far(task, calls, error):
 def test_decide__interrupted_before_the_first_fit__raises(task, error):
     with pytest.raises(error):
         decided(task, FRICTION, executor=Interrupted(0, error()))
+
+
+@pytest.mark.parametrize(("handed_back", "minimal", "sought"), [(0, 1, True), (1, 0, False), (0, 0, False)])
+def test_sought_anew__far_from_its_optimum__is_found_if_it_lacks_a_part_of_the_minimal_ones(
+    task, handed_back, minimal, sought
+):
+    structures = [PAPER.parse(TRUTH), PAPER.parse(f"{TRUTH}+gravity")]
+    search = BorderSearch(task, Lattice.of(PAPER.whole, exclude=("two_mass", "stribeck")), InlineExecutor())
+    search.fits.add(structures, search.executor)
+    search.refined.begin_round(structures[1])
+    first = structures[handed_back]
+    found = search.fits.done[first]
+    search.fits.done[first] = replace(found, values={**found.values, "J1": 3.0 * VALUES["J1"]}, cost=4.0 * found.cost)
+    assert _sought_anew(search, first, [structures[minimal]]) == sought
+    assert (search.fits.done[first].cost <= 1.001 * found.cost) == sought
+    assert not _sought_anew(search, first, [structures[minimal]])  # once is enough

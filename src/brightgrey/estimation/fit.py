@@ -22,14 +22,10 @@ from brightgrey.estimation.diagnostics.second_opinion import TermOpinion, contra
 from brightgrey.estimation.diagnostics.short_periods import short_period_findings
 from brightgrey.estimation.diagnostics.symptoms import Symptom, symptoms
 from brightgrey.estimation.noise.residual_analysis import nrmse_fit_percent
-from brightgrey.estimation.optimisation.least_squares import (
-    SAME_OPTIMUM_RTOL,
-    Optimum,
-    OptimumWithJacobian,
-    fit_many,
-    fit_to_convergence,
-)
+from brightgrey.estimation.optimisation.choice_of_optima import best_different, finalists
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_many, fit_to_convergence
 from brightgrey.estimation.optimisation.multistart import first_starts, multistart
+from brightgrey.estimation.optimisation.options import FIT_DEFAULTS, FitOptions
 from brightgrey.estimation.optimisation.pattern_fit import (
     ESTIMATORS,
     Estimator,
@@ -52,20 +48,7 @@ from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 from brightgrey.simulation.settings import Level
 
-__all__ = ["Estimate", "Fit", "FitOptions", "Outcome", "OutputFit", "Start", "fit", "settings_for"]
-
-
-@dataclass(frozen=True)
-class FitOptions:
-    """Heuristics of a fit."""
-
-    finalists: int = 2  #: Largest number of optima that are fitted again at the final level.
-    #: Largest cost of these, relative to the least one; the ``fast`` level is off by about so much.
-    finalist_cost: float = 1.01
-    finalist_distance: float = 0.1  #: Least distance between these in the scaled space.
-
-
-FIT_DEFAULTS = FitOptions()
+__all__ = ["Estimate", "Fit", "Outcome", "OutputFit", "Start", "fit", "settings_for"]
 
 
 @dataclass(frozen=True)
@@ -109,7 +92,7 @@ class Fit:
     evaluations : int
         Batches of simulations.
     starts : tuple of Start
-        Best first.
+        Best first; of long recordings those that went on with all samples.
     correlation : mapping of (str, str) to float
         Correlation of the errors of two estimates, of their logarithms where parameters are positive. Parameters
         without an interval are left out.
@@ -321,17 +304,19 @@ def _by_multistart(
     Descents begin on a short part of the recordings, which may lead away from what is known already. Of long recordings
     they go through every k-th sample, and the best ones go on with all samples.
     """
-    easier = replace(problem, recordings=decimated_together(problem.recordings, known.inertia))
+    easier = problem
+    if settings.level != "euler":  # it takes one step per sample, and needs short ones
+        easier = replace(problem, recordings=decimated_together(problem.recordings, known.inertia))
     found = multistart(easier, space, settings, _begins(given), starts=starts, patience=patience, seed=seed)
     optima, evaluations = list(zip(found.optima, found.starts.T, strict=True)), found.evaluations
     if easier.samples < problem.samples:
-        optima = _best_different(optima, starts)
+        optima = best_different(space, optima, options)
         ends = fit_many(problem, space, settings, np.stack([optimum.values for optimum, _ in optima], axis=1))
         optima = [(end, start) for end, (_, start) in zip(ends, optima, strict=True)]
         evaluations += max(end.evaluations for end in ends)
     optima.sort(key=lambda pair: pair[0].cost)
-    finalists = _finalists(space, [optimum for optimum, _ in optima], options)
-    finished = [fit_to_convergence(problem, space, final, optimum.values) for optimum in finalists]
+    chosen = finalists(space, [optimum for optimum, _ in optima], options)
+    finished = [fit_to_convergence(problem, space, final, optimum.values) for optimum in chosen]
     least = min(fitted.cost for fitted in finished)
     better = [v for v in given_starts(space, given) if problem.costs(space.named(v[:, None]), final)[0] < least]
     finished += [fit_to_convergence(problem, space, final, values) for values in better]
@@ -341,15 +326,6 @@ def _by_multistart(
         for optimum, start in optima
     )
     return _Descent(min(finished, key=lambda fitted: fitted.cost), evaluations, tried)
-
-
-def _best_different(optima: Sequence[tuple[Optimum, Array]], most: int) -> list[tuple[Optimum, Array]]:
-    """The best optima, each with its start, no two of them with the same cost."""
-    found: list[tuple[Optimum, Array]] = []
-    for optimum, start in sorted(optima, key=lambda pair: pair[0].cost):
-        if not found or optimum.cost > (1.0 + SAME_OPTIMUM_RTOL) * found[-1][0].cost:
-            found.append((optimum, start))
-    return found[:most]
 
 
 def settings_for(
@@ -368,18 +344,6 @@ def settings_for(
 def _exact(settings: Settings) -> Settings:
     """Settings with an exact sign of friction; the paper's method of integration cannot stop a mass."""
     return settings if settings.level == "euler" else replace(settings, f_tanh=math.inf)
-
-
-def _finalists(space: ParameterSpace, optima: Sequence[Optimum], options: FitOptions) -> list[Optimum]:
-    """Optima, best first, that may be the best at the final level: nearly as good as the best, and different."""
-    chosen = [optima[0]]
-    for optimum in optima[1:]:
-        theta = space.to_scaled(optimum.values)
-        distance = min(np.abs(theta - space.to_scaled(other.values)).max(initial=0.0) for other in chosen)
-        similar = optimum.cost <= options.finalist_cost * optima[0].cost
-        if similar and distance > options.finalist_distance and len(chosen) < options.finalists:
-            chosen.append(optimum)
-    return chosen
 
 
 def _output_fits(problem: SimulationErrorProblem, residual: Array) -> dict[str, OutputFit]:

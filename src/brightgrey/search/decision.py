@@ -210,6 +210,8 @@ def evidence_of(
         search.refined.adopt(rival)
     optional, cards = assess_effects(detectability, border, doubts, certificate, instead)
     first = _handed_back(search, detectability, predictions, doubts, optional)
+    if _sought_anew(search, first, found):
+        return evidence_of(search, search.settled(), grammar, exclude, ask=ask)
     held_back = verdicts_on_masses(grammar, exclude, cards)
     held_back += first_order_verdicts(detectability, found, search.more, cards, instead)
     undecided = [c.effect for c in cards if c.verdict == "not decidable"]
@@ -254,18 +256,25 @@ def _handed_back(
     doubts: Doubts,
     optional: Sequence[str],
 ) -> Structure:
-    """The structure that is handed back: the first minimal one, or what doubts and predictions make of it.
-
-    What they make of it has been fitted from its neighbours only, and is fitted by multistart now.
-    """
-    found = doubts.found
-    added = [*optional, *(str(p) for p in found[0].placed if not has(doubts.model, str(p)))]
-    first = extended_by_prediction(
+    """The structure that is handed back: the first minimal one, or what doubts and predictions make of it."""
+    added = [*optional, *(str(p) for p in doubts.found[0].placed if not has(doubts.model, str(p)))]
+    return extended_by_prediction(
         detectability, predictions, doubts.model, added, lambda s: _is_identified(search, search.refined.of(s))
     )
-    if not (isinstance(search, BorderRefit) or any(contains(first, s) for s in found)):
-        search.fits.restart_many([first], BORDER.patience, search.executor)
-    return first
+
+
+def _sought_anew(search: BorderSearch, first: Structure, found: Sequence[Structure]) -> bool:
+    """Fit a structure by multistart, once, that is handed back and lacks a part of all minimal ones.
+
+    No verdict rests on it, so that its neighbours' optima are all that the search has tried. Known optima are only
+    refitted. Returns True if it got so much better that the verdicts have to be given anew.
+    """
+    if isinstance(search, BorderRefit) or first in search.gone_into or any(contains(first, s) for s in found):
+        return False
+    search.gone_into.add(first)
+    before = search.fits.done[first].cost
+    search.fits.restart_many([first], BORDER.patience, search.executor)
+    return before > (1.0 + search.round.material_growth) * search.fits.done[first].cost
 
 
 def _rivalled(

@@ -14,9 +14,6 @@ SLOW = 3.0 * np.sin(2.0 * np.pi * 1.0 * T)
 VALUES = {"J1": 0.02, "f_v": 0.03}
 
 
-INERTIA = 0.02
-
-
 @pytest.fixture(scope="module")
 def recording():
     """A slow motion of two to three times as many samples as have to be kept, and noise of a twentieth of it."""
@@ -25,7 +22,7 @@ def recording():
 
 @pytest.mark.parametrize(("count", "factor"), [(1, 2), (2, 4), (4, 8), (9, 8)])
 def test_decimated_together__slow_motion__keeps_least_number_of_samples_of_all_recordings(recording, count, factor):
-    coarse = decimated_together([recording] * count, INERTIA)
+    coarse = decimated_together([recording] * count, VALUES["J1"])
     assert [r.dt for r in coarse] == pytest.approx([factor * DT] * count)
     assert sum(r.samples for r in coarse) >= POLICY.least_samples
     assert min(r.samples for r in coarse) >= POLICY.least_of_each
@@ -34,8 +31,8 @@ def test_decimated_together__slow_motion__keeps_least_number_of_samples_of_all_r
 def test_decimated_together__few_samples_or_fast_input__same_recordings(recording):
     short = replace(recording, t=recording.t[:-2], u=recording.u[:-2], y=recording.y[:, :-2])
     fast = (replace(recording, u=SLOW + 3.0 * np.sin(2.0 * np.pi * 400.0 * T)),) * 4
-    assert decimated_together([short], INERTIA) == (short,)
-    assert decimated_together(fast, INERTIA) == fast
+    assert decimated_together([short], VALUES["J1"]) == (short,)
+    assert decimated_together(fast, VALUES["J1"]) == fast
 
 
 def test_decimated__held_input__same_impulse():

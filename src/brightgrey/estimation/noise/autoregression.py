@@ -93,7 +93,7 @@ class Autoregression:
         if self.variance == 0.0:
             return float(samples)
         at_frequency_zero = self.variance / sum(self.a) ** 2
-        return float(min(samples * self.autocovariance(1)[0] / at_frequency_zero, samples))
+        return float(min(samples * self.autocovariance(samples)[0] / at_frequency_zero, samples))
 
     def effective_samples_variance(self, samples: int) -> float:
         """Number of independent samples that give a variance with the same uncertainty as `samples` of this noise.
@@ -126,7 +126,7 @@ class Autoregression:
         log_variance = np.full(g.shape[1], 2.0 / n)
         if self.order and self.variance > 0.0:
             slopes = -2.0 * _sums_over_frequencies(share / total / response[:, None], length)[1 : 1 + self.order]
-            column = self.autocovariance(self.order) / self.variance
+            column = self.autocovariance(n)[: self.order] / self.variance
             column[0] *= 1.0 + POLICY.relative_variance_floor
             inverse = solve_toeplitz(column, slopes)
             log_variance = log_variance + np.maximum(np.sum(slopes * inverse, axis=0), 0.0) / n

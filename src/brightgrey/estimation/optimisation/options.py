@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 __all__ = [
+    "FIT_DEFAULTS",
     "LM_DEFAULTS",
     "MULTISTART_DEFAULTS",
     "PATTERN_SEARCH_DEFAULTS",
     "START_POINT_DEFAULTS",
     "TORQUE_REGRESSION_DEFAULTS",
+    "FitOptions",
     "LMOptions",
     "MultistartOptions",
     "PatternSearchOptions",
@@ -150,6 +152,18 @@ class PatternSearchOptions:
     stall_decrease: float = 0.01  #: Relative decrease of the cost that `stall_polls` polls have to achieve.
 
 
+@dataclass(frozen=True)
+class FitOptions:
+    """Heuristics of a fit."""
+
+    continued: int = 8  #: Largest number of optima on a part of the samples from which descents go on with all.
+    finalists: int = 2  #: Largest number of optima that are fitted again at the final level.
+    #: Largest cost of these, relative to the least one; the ``fast`` level is off by about so much.
+    finalist_cost: float = 1.01
+    finalist_distance: float = 0.1  #: Least distance between these in the scaled space.
+
+
+FIT_DEFAULTS = FitOptions()
 LM_DEFAULTS = LMOptions()
 MULTISTART_DEFAULTS = MultistartOptions()
 PATTERN_SEARCH_DEFAULTS = PatternSearchOptions()
