@@ -221,7 +221,7 @@ def test_fit__long_slow_motion__begins_with_a_part_of_the_samples_and_ends_with_
     u = np.sin(2.0 * np.pi * 0.7 * t) + np.sin(2.0 * np.pi * 2.1 * t)
     (v,) = reference(structure, values, u, 1e-3, f_tanh=1e3)
     recording = make_recording(u, v + 0.02 * v.std() * np.random.default_rng(0).normal(size=v.size))
-    fitted = fit(structure, [recording], starts=4, patience=1)
+    fitted = fit(structure, [recording], starts=4, patience=0)
     assert descended == [pytest.approx(recording.samples / 5, abs=1)]
     for name, true in values.items():
         estimate = fitted.estimates[name]

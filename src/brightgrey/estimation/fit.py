@@ -21,7 +21,7 @@ from brightgrey.estimation.diagnostics.outcome import FitContext, Outcome, outco
 from brightgrey.estimation.diagnostics.second_opinion import TermOpinion, contradictions, second_opinion
 from brightgrey.estimation.diagnostics.short_periods import short_period_findings
 from brightgrey.estimation.diagnostics.symptoms import Symptom, symptoms
-from brightgrey.estimation.noise.residual_analysis import nrmse_fit_percent
+from brightgrey.estimation.noise.residual_analysis import is_white, nrmse_fit_percent
 from brightgrey.estimation.optimisation.choice_of_optima import best_different, finalists
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_many, fit_to_convergence
 from brightgrey.estimation.optimisation.multistart import first_starts, multistart
@@ -307,11 +307,21 @@ def _by_multistart(
     easier = problem
     if settings.level != "euler":  # it takes one step per sample, and needs short ones
         easier = replace(problem, recordings=decimated_together(problem.recordings, known.inertia))
-    found = multistart(easier, space, settings, _begins(given), starts=starts, patience=patience, seed=seed)
+    explained = False
+    if patience and easier.samples < problem.samples:  # with a white residual, one batch on all samples is enough
+        found = multistart(problem, space, settings, _begins(given), starts=starts, patience=0, seed=seed)
+        best = min(found.optima, key=lambda optimum: optimum.cost).values
+        residual = problem.residuals(space.named(best[:, None]), settings)[:, 0]
+        explained = found.agreeing > 1 and is_white(residual, problem.segment_lengths)
+    if explained:
+        easier = problem
+    else:
+        found = multistart(easier, space, settings, _begins(given), starts=starts, patience=patience, seed=seed)
     optima, evaluations = list(zip(found.optima, found.starts.T, strict=True)), found.evaluations
     if easier.samples < problem.samples:
         optima = best_different(space, optima, options)
-        ends = fit_many(problem, space, settings, np.stack([optimum.values for optimum, _ in optima], axis=1))
+        begins = np.stack([optimum.values for optimum, _ in optima], axis=1)
+        ends = fit_many(problem, space, settings, begins, cost_to_beat=np.inf)
         optima = [(end, start) for end, (_, start) in zip(ends, optima, strict=True)]
         evaluations += max(end.evaluations for end in ends)
     optima.sort(key=lambda pair: pair[0].cost)

@@ -27,8 +27,8 @@ def optimum(space, cost, share):
 @pytest.mark.parametrize(
     ("ends", "kept"),
     [
-        ([(2.0, 0.5), (1.0, 0.2), (3.0, 0.8)], [1.0, 2.0, 3.0]),  # the best ones first
-        ([(1.0, 0.2), (1.0001, 0.2), (1.1, 0.2)], [1.0, 1.1]),  # the second is the first one again
+        ([(1.06, 0.5), (1.0, 0.2), (1.08, 0.8), (1.2, 0.3)], [1.0, 1.06, 1.08]),  # the best ones first
+        ([(1.0, 0.2), (1.0001, 0.2), (1.05, 0.2)], [1.0, 1.05]),  # the second is the first one again
         ([(1.0, 0.2), (1.0001, 0.9)], [1.0, 1.0001]),  # as good, elsewhere
         ([(np.inf, 0.2), (np.inf, 0.2)], [np.inf]),
     ],
@@ -39,7 +39,7 @@ def test_best_different__ends_of_descents__none_twice(space, ends, kept):
 
 
 def test_best_different__many__as_many_as_go_on(space):
-    optima = [(optimum(space, 1.0 + k, 0.5), np.ones(1)) for k in range(20)]
+    optima = [(optimum(space, 1.0 + 0.0055 * k, 0.5), np.ones(1)) for k in range(10)]
     assert len(best_different(space, optima, FitOptions(continued=5))) == 5
 
 

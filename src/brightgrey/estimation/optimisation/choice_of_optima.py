@@ -17,9 +17,11 @@ __all__ = ["best_different", "finalists"]
 def best_different(
     space: ParameterSpace, optima: Sequence[tuple[Optimum, Array]], options: FitOptions
 ) -> list[tuple[Optimum, Array]]:
-    """The best optima, each with its start; no two of them are alike in cost and parameters."""
+    """The best optima, each with its start: nearly as good as the best, and no two alike in cost and parameters."""
     found: list[tuple[Optimum, Array]] = []
     for optimum, start in sorted(optima, key=lambda pair: pair[0].cost):
+        if found and optimum.cost > options.continued_cost * found[0][0].cost:
+            break
         alike = [o for o, _ in found if optimum.cost <= (1.0 + SAME_OPTIMUM_RTOL) * o.cost]
         if all(_distance(space, optimum, o) > options.finalist_distance for o in alike):
             found.append((optimum, start))

@@ -157,6 +157,8 @@ class FitOptions:
     """Heuristics of a fit."""
 
     continued: int = 8  #: Largest number of optima on a part of the samples from which descents go on with all.
+    #: Largest cost of these, relative to the least one; other samples of a drive change it by less.
+    continued_cost: float = 1.1
     finalists: int = 2  #: Largest number of optima that are fitted again at the final level.
     #: Largest cost of these, relative to the least one; the ``fast`` level is off by about so much.
     finalist_cost: float = 1.01
