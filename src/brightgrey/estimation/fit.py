@@ -24,8 +24,8 @@ from brightgrey.estimation.diagnostics.symptoms import Symptom, symptoms
 from brightgrey.estimation.noise.residual_analysis import is_white, nrmse_fit_percent
 from brightgrey.estimation.optimisation.choice_of_optima import best_different, finalists
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_many, fit_to_convergence
-from brightgrey.estimation.optimisation.multistart import first_starts, multistart
-from brightgrey.estimation.optimisation.options import FIT_DEFAULTS, FitOptions
+from brightgrey.estimation.optimisation.multistart import MultistartResult, first_starts, multistart
+from brightgrey.estimation.optimisation.options import FIT_DEFAULTS, MULTISTART_DEFAULTS, FitOptions
 from brightgrey.estimation.optimisation.pattern_fit import (
     ESTIMATORS,
     Estimator,
@@ -92,7 +92,7 @@ class Fit:
     evaluations : int
         Batches of simulations.
     starts : tuple of Start
-        Best first; of long recordings those that went on with all samples.
+        Best first, with their optima on all samples.
     correlation : mapping of (str, str) to float
         Correlation of the errors of two estimates, of their logarithms where parameters are positive. Parameters
         without an interval are left out.
@@ -151,8 +151,8 @@ def fit(
     """Estimate the parameters of `structure` by bounded least squares on the simulation error, or by pattern search.
 
     Samples that fill the bounds are simulated once. Descents at the ``fast`` level begin at the best of them, at the
-    start value from the torque balance and at those of the user. Of long recordings they go through every k-th sample
-    where the motion needs no more, and the best ones go on with all. The best optima are fitted again at `level`.
+    start value from the torque balance and at those of the user. Of long recordings all batches but the first go
+    through every k-th sample, where the motion needs no more. The best optima are fitted again at `level`.
 
     Parameters
     ----------
@@ -302,28 +302,23 @@ def _by_multistart(
     """Best optima of a multistart search, fitted again at the final level, and so are given starts that are better.
 
     Descents begin on a short part of the recordings, which may lead away from what is known already. Of long recordings
-    they go through every k-th sample, and the best ones go on with all samples.
+    one batch goes through all samples. Where that leaves something, further ones go through every k-th sample, and
+    their best optima go on with all: on every k-th, no residual would be white.
     """
     easier = problem
     if settings.level != "euler":  # it takes one step per sample, and needs short ones
         easier = replace(problem, recordings=decimated_together(problem.recordings, known.inertia))
-    explained = False
-    if patience and easier.samples < problem.samples:  # with a white residual, one batch on all samples is enough
-        found = multistart(problem, space, settings, _begins(given), starts=starts, patience=0, seed=seed)
-        best = min(found.optima, key=lambda optimum: optimum.cost).values
-        residual = problem.residuals(space.named(best[:, None]), settings)[:, 0]
-        explained = found.agreeing > 1 and is_white(residual, problem.segment_lengths)
-    if explained:
-        easier = problem
-    else:
-        found = multistart(easier, space, settings, _begins(given), starts=starts, patience=patience, seed=seed)
+    is_long, begins = easier.samples < problem.samples, _begins(given)
+    at_first = 0 if is_long else patience
+    found = multistart(problem, space, settings, begins, starts=starts, patience=at_first, seed=seed)
     optima, evaluations = list(zip(found.optima, found.starts.T, strict=True)), found.evaluations
-    if easier.samples < problem.samples:
-        optima = best_different(space, optima, options)
-        begins = np.stack([optimum.values for optimum, _ in optima], axis=1)
-        ends = fit_many(problem, space, settings, begins, cost_to_beat=np.inf)
-        optima = [(end, start) for end, (_, start) in zip(ends, optima, strict=True)]
-        evaluations += max(end.evaluations for end in ends)
+    if is_long and patience and not _is_explained(problem, space, settings, found):
+        rough = multistart(easier, space, settings, begins, starts=starts, patience=patience, seed=seed)
+        best = best_different(space, list(zip(rough.optima, rough.starts.T, strict=True)), options)
+        points = np.stack([optimum.values for optimum, _ in best], axis=1)
+        ends = fit_many(problem, space, settings, points, cost_to_beat=np.inf)
+        optima += [(end, start) for end, (_, start) in zip(ends, best, strict=True)]
+        evaluations += rough.evaluations + max(end.evaluations for end in ends)
     optima.sort(key=lambda pair: pair[0].cost)
     chosen = finalists(space, [optimum for optimum, _ in optima], options)
     finished = [fit_to_convergence(problem, space, final, optimum.values) for optimum in chosen]
@@ -336,6 +331,15 @@ def _by_multistart(
         for optimum, start in optima
     )
     return _Descent(min(finished, key=lambda fitted: fitted.cost), evaluations, tried)
+
+
+def _is_explained(
+    problem: SimulationErrorProblem, space: ParameterSpace, settings: Settings, found: MultistartResult
+) -> bool:
+    """True if independent starts agree on the best optimum of a multistart, and its residual is white."""
+    best = min(found.optima, key=lambda optimum: optimum.cost).values
+    residual = problem.residuals(space.named(best[:, None]), settings)[:, 0]
+    return found.agreeing >= MULTISTART_DEFAULTS.agreeing and is_white(residual, problem.segment_lengths)
 
 
 def settings_for(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from brightgrey.estimation.noise.autoregression import Autoregression, autoregression, noise_models
@@ -65,3 +66,19 @@ def test_whitening__no_noise_at_all__floor_counts_as_white():
     assert whitening.floor_deviance == pytest.approx(N, rel=0.01)
     error = rng.normal(size=N)
     assert np.square(whitening.whiten(error)).sum() == pytest.approx(N, rel=0.05)
+
+
+def test_variance_of_sums__of_an_estimated_model__scatters_as_its_coefficients_do():
+    """The variance of the logarithm is that of a first-order step, here by differences of the coefficients."""
+    a, n, step = np.array([1.0, -1.2, 0.5]), 500, 1e-6
+    model = Autoregression(tuple(a.tolist()), 2.0)
+    weights = np.random.default_rng(0).normal(size=(n, 3)).cumsum(axis=0)
+    variance, log_variance = model.variance_of_sums(weights)
+    slopes = []
+    for k in (1, 2):
+        ends = [a + sign * step * np.eye(3)[k] for sign in (1.0, -1.0)]
+        up, down = (Autoregression(tuple(end.tolist()), 2.0).variance_of_sums(weights)[0] for end in ends)
+        slopes.append((up - down) / (2.0 * step * variance))
+    covariance = np.linalg.inv(toeplitz(model.autocovariance(2) / model.variance)) / n
+    expected = 2.0 / n + np.einsum("ki,kl,li->i", slopes, covariance, slopes)
+    np.testing.assert_allclose(log_variance, expected, rtol=1e-3)  # as exact as an autocovariance is
