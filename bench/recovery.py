@@ -17,7 +17,7 @@ standard deviation over the peak speed.
 
 Rows are kept in bench/results/recovery_seed<seed>.jsonl.gz; `run` skips those that the file already holds, so that
 several processes may add to one file. Held-out error is that on another motion of the same drive with the same noise.
-An effect matters if removing it from the true structure and fitting anew raises that error by more than 5 % (noise
+An effect matters if removing it alone from the true structure and fitting anew raises that error by more than 5 % (noise
 counts as at least 1e-4 of the standard deviation, or nothing but rounding would be left to compare with).
 """
 
@@ -144,7 +144,7 @@ def row(
     first = (
         "truth" if structures[0] == truth else "visible" if visible(structures[0], truth, found.optional) else "other"
     )
-    matters = {name: float(np.sqrt(error[s] / error[truth])) for s in smaller for name in added_effects(truth, s)}
+    matters = losses(truth, {s: float(np.sqrt(error[s] / error[truth])) for s in smaller})
     problem = task.problem(truth)
     exact = {name: np.array([value]) for name, value in drive.values.items()}
     exact |= {part.name: np.clip([0.0], part.low, part.high) for part in problem.unknown_initial}
@@ -181,6 +181,15 @@ def row(
         "unexplained": list(found.certificate.unexplained),
         "refuted": [[list(r.without), r.excess, r.threshold, r.agreeing] for r in found.certificate.refuted],
     }
+
+
+def losses(truth: Structure, ratios: Mapping[Structure, float]) -> dict[str, float]:
+    """By effect: the ratio of the structure that lacks it, and as little else as possible.
+
+    A gap in the last shaft is also gone with the last mass. That says nothing about the gap.
+    """
+    ordered = sorted(ratios, key=lambda s: len(added_effects(truth, s)), reverse=True)
+    return {name: ratios[s] for s in ordered for name in added_effects(truth, s)}
 
 
 def marks(r: Mapping) -> list[str]:
