@@ -17,8 +17,8 @@ standard deviation over the peak speed.
 
 Rows are kept in bench/results/recovery_seed<seed>.jsonl.gz; `run` skips those that the file already holds, so that
 several processes may add to one file. Held-out error is that on another motion of the same drive with the same noise.
-An effect matters if removing it alone from the true structure and fitting anew raises that error by more than 5 % (noise
-counts as at least 1e-4 of the standard deviation, or nothing but rounding would be left to compare with).
+An effect matters if removing it alone from the true structure and fitting anew raises that error by more than 5 %
+(noise counts as at least 1e-4 of the standard deviation, or nothing but rounding would be left to compare with).
 """
 
 from __future__ import annotations
