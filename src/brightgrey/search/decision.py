@@ -302,9 +302,9 @@ def _rivalled(
             return border, certificate, doubts, containing_none(known, [*found, doubts.model])
         others = [p for p in grammar.whole.placed if p not in search.lattice.atoms and not p.effect.masses]
         beyond = [p for p in others if not is_excluded(p, exclude)]
-        fewer = not search.has_model_error()
+        unexplained = search.has_model_error()
         all_rivals = rivals_beyond(
-            detectability, base, beyond, search.seed, fewer_masses=fewer, known=rivals, within=within
+            detectability, base, beyond, search.seed, with_model_error=unexplained, known=rivals, within=within
         )
         rivals = containing_none(all_rivals, [*found, doubts.model])
         least = min(s.masses for s in base)

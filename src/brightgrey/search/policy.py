@@ -132,6 +132,8 @@ class FurtherEffectsPolicy:
     exchanged: int = 3  #: Effects that are fitted in the place of one, those that promise most.
     #: Part of what an effect explains from which one that is as simple is fitted in its place, whatever else it leaves.
     imitated_share: float = 0.5
+    #: Part of what an effect explains from which several others together are fitted in its place.
+    shared_out: float = 0.9
     named: int = 4  #: Effects that are named where one of several is needed.
     most_rivals: int = 12  #: Structures beyond the lattice after which no more are looked for.
     draws: int = 15  #: Values that are tried for the further parameters of an effect.

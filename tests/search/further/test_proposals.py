@@ -9,7 +9,13 @@ from brightgrey.kit import PAPER, Placed, Structure, function_set, grammar_named
 from brightgrey.search.decision import decide_structures
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart
-from brightgrey.search.further.proposals import as_limiting_cases, further_effects, moved_effects
+from brightgrey.search.further.proposals import (
+    EffectChanges,
+    as_limiting_cases,
+    further_effects,
+    joint_step,
+    moved_effects,
+)
 from brightgrey.search.parallel import thread_pool
 from support.searches import simulated_task, verdicts
 
@@ -42,6 +48,37 @@ def test_further_effects__one_is_missing__is_tried_near_its_size(base, more):
     size = next(iter(values))
     start = next(f.start for f in found if f.placed == Placed.parse(name))
     assert 0.2 < start[size] / values[size] < 5.0
+
+
+def changes_by(effect, size, *changes, either_sign=False):
+    """Changes by an effect at several values of its other parameter, which is 0, 1, ..."""
+    placed = Placed(effect)
+    values = {"size": np.full(len(changes), size), "other": np.arange(len(changes), dtype=float)}
+    return EffectChanges(placed, (placed,), values, "size", np.column_stack(changes), either_sign)
+
+
+def test_joint_step__two_effects_explain_what_none_does_alone__sizes_of_both():
+    one, two, three, rest = np.eye(40)[:4]
+    left = rest - 3.0 * one + 0.5 * two
+    changes = [
+        changes_by("stribeck", 2.0, three, one),
+        changes_by("gravity", 0.1, two, either_sign=True),
+        changes_by("coulomb", 1.0, two),  # would have to be negative
+        changes_by("viscous", 1.0, np.zeros(40)),
+    ]
+    after, effects = joint_step(changes, left)
+    assert after == pytest.approx(rest)
+    assert [f.placed.name for f in effects] == ["stribeck", "gravity"]
+    assert effects[0].start == pytest.approx({"size": 6.0, "other": 1.0})
+    assert effects[1].start == pytest.approx({"size": -0.05, "other": 0.0})
+
+
+def test_joint_step__nothing_shared__residual_and_no_effects():
+    one, two = np.eye(40)[:2]
+    after, effects = joint_step([changes_by("coulomb", 1.0, two)], one)
+    assert after == pytest.approx(one)
+    assert effects == []
+    assert joint_step([], one)[1] == []
 
 
 @pytest.mark.parametrize(("stiffness", "friction"), [(30.0, 1.0), (240.0, 1.2)])

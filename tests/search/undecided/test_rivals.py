@@ -74,7 +74,7 @@ def test_rivals_beyond__doubtful_effect_left_out__as_good_as_the_structure_witho
         search.fits.add([lattice.structure(mask) for mask in lattice.masks()], workers)
         search.refined.begin_round(PAPER.parse("two_mass+viscous+gravity"))
         detectability = Detectability(search.refined, search.round, workers)
-        of_model = partial(rivals_beyond, detectability, [model], effects, 0, fewer_masses=False)
+        of_model = partial(rivals_beyond, detectability, [model], effects, 0, with_model_error=True)
         assert of_model() == []
         assert [str(r.structure) for r in of_model(within=model)] == ["two_mass+viscous@2"]
 
@@ -90,7 +90,7 @@ def rivals_of(found, truth, values, *further):
         search.fits.add([own], workers)
         search.refined.begin_round(own)
         detectability = Detectability(search.refined, search.round, workers)
-        rivals = rivals_beyond(detectability, [own], [Placed(*p) for p in further], 0, fewer_masses=False)
+        rivals = rivals_beyond(detectability, [own], [Placed(*p) for p in further], 0, with_model_error=True)
     return [str(r.structure) for r in rivals]
 
 

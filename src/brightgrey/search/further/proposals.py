@@ -12,7 +12,7 @@ beside the structure by multistart.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -47,6 +47,7 @@ __all__ = [
     "further_effects",
     "is_bent",
     "is_spring",
+    "joint_step",
     "least_rival_cost",
     "limiting_cases",
     "limiting_cases_within",
@@ -146,9 +147,9 @@ def limiting_cases(
     return found
 
 
-def limiting_cases_within(structure: Structure) -> set[str]:
-    """Names of the effects that are limiting cases of some of a structure."""
-    return {case.effect for p in structure.placed for case in p.effect.limiting_cases}
+def limiting_cases_within(some: Iterable[Placed]) -> set[str]:
+    """Names of the effects that are limiting cases of some others."""
+    return {case.effect for p in some for case in p.effect.limiting_cases}
 
 
 def as_limiting_cases(
@@ -189,6 +190,34 @@ def by_score(changes: Sequence[EffectChanges], left: Array) -> list[tuple[float,
     scored = [(scores, c) for c in changes if (scores := _scores(c, left)).max() > 0.0]
     scored.sort(key=lambda pair: -float(pair[0].max()))
     return [(float(scores.max()), _start(c, left, int(np.argmax(scores)))) for scores, c in scored]
+
+
+def joint_step(changes: Sequence[EffectChanges], left: Array) -> tuple[Array, list[FurtherEffect]]:
+    """Residual that several effects at once would leave, and these effects, the largest change first.
+
+    Each has those of its values whose change shares most with the residual. The sizes leave the least sum of squares,
+    and most of those that cannot be negative are zero then (Lawson and Hanson 1974, doi:10.1137/1.9781611971217).
+
+    Parameters
+    ----------
+    changes : sequence of EffectChanges
+        Beyond what the parameters of a structure explain. A size that has both signs counts as two.
+    left : ndarray, shape (residuals,)
+        The residual, beyond the same.
+    """
+    from scipy.optimize import nnls  # slow to import, and only a search needs it
+
+    draws = [(c, int(np.argmax(_scores(c, left)))) for c in changes]
+    signed = [(c, draw, sign) for c, draw in draws for sign in (1.0, -1.0)[: 1 + c.either_sign]]
+    columns = np.column_stack([np.zeros_like(left), *(sign * c.changes[:, draw] for c, draw, sign in signed)])
+    length = np.linalg.norm(columns, axis=0)
+    found, _ = nnls(columns / np.where(length > 0.0, length, 1.0), -left)
+    taken = [i for i in np.argsort(-found, kind="stable") if found[i] > 0.0]
+    effects = [(signed[i - 1], found[i] / length[i]) for i in taken]
+    return (
+        left + columns[:, taken] @ (found[taken] / length[taken]),
+        [_of_size(c, draw, sign * float(size)) for (c, draw, sign), size in effects],
+    )
 
 
 def is_bent(placed: Placed) -> bool:
@@ -322,10 +351,14 @@ def _start(candidate: EffectChanges, left: Array, draw: int) -> FurtherEffect:
     A first-order step may have the wrong sign where the structure without the effect has fitted something else.
     """
     change = candidate.changes[:, draw]
-    start = {name: float(values[draw]) for name, values in candidate.values.items()}
     step = -float(left @ change) / float(change @ change)
-    if candidate.either_sign or step > 0.0:
-        start[candidate.size] *= step
+    return _of_size(candidate, draw, step if candidate.either_sign or step > 0.0 else 1.0)
+
+
+def _of_size(candidate: EffectChanges, draw: int, step: float) -> FurtherEffect:
+    """The effect with the values of a draw, and so many times its size that matters."""
+    start = {name: float(values[draw]) for name, values in candidate.values.items()}
+    start[candidate.size] *= step
     return FurtherEffect(candidate.placed, candidate.added, start)
 
 

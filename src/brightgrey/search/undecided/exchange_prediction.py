@@ -11,7 +11,7 @@ from brightgrey.arrays import Array
 from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting.refined_fit import Refined, RefinedFits, accurate, residual_and_jacobian
-from brightgrey.search.further.proposals import EffectChanges, FurtherEffect, by_score, changes_beside
+from brightgrey.search.further.proposals import EffectChanges, FurtherEffect, by_score, changes_beside, joint_step
 
 __all__ = [
     "Linearised",
@@ -75,6 +75,11 @@ class WithoutEffect:
     left: Array  #: Whitened residual, beyond what its parameters explain.
     basis: Array  #: Of what they explain.
     deviance: float
+
+    def with_several(self, changes: Sequence[EffectChanges]) -> tuple[float, list[FurtherEffect]]:
+        """Deviance that several effects at once would leave, and these effects, the largest change first."""
+        left, effects = joint_step([self.beyond(c) for c in changes], self.left)
+        return self.deviance + float(left @ left) - float(self.left @ self.left), effects
 
     def beyond(self, change: EffectChanges) -> EffectChanges:
         """Changes by another effect beyond what the parameters explain."""
