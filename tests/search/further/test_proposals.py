@@ -12,6 +12,7 @@ from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_m
 from brightgrey.search.further.proposals import (
     EffectChanges,
     as_limiting_cases,
+    changes_beside,
     further_effects,
     joint_step,
     moved_effects,
@@ -71,6 +72,24 @@ def test_joint_step__two_effects_explain_what_none_does_alone__sizes_of_both():
     assert [f.placed.name for f in effects] == ["stribeck", "gravity"]
     assert effects[0].start == pytest.approx({"size": 6.0, "other": 1.0})
     assert effects[1].start == pytest.approx({"size": -0.05, "other": 0.0})
+
+
+def test_joint_step__values_that_would_have_to_be_negative__others_are_taken():
+    one, two = np.eye(40)[:2]
+    _, effects = joint_step([changes_by("stribeck", 1.0, one + 0.1 * two, 0.5 * two - one)], 3.0 * one)
+    assert [f.start["other"] for f in effects] == [1.0]
+
+
+def test_changes_beside__dead_time__has_one_sign():
+    task = recorded("one_mass+coulomb+viscous", {})
+    fitted = fit_multistart(task, PAPER.parse("one_mass+coulomb+viscous"), Options(fresh=2, patience=0), 0)
+    found = changes_beside(task, fitted, np.zeros(task.recordings[0].samples), PAPER.placed, 0)
+    assert {c.placed.name: c.either_sign for c in found} == {
+        "stribeck": False,
+        "gravity": True,
+        "current_control": False,
+        "delay": False,
+    }
 
 
 def test_joint_step__nothing_shared__residual_and_no_effects():

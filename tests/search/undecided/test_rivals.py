@@ -79,9 +79,9 @@ def test_rivals_beyond__doubtful_effect_left_out__as_good_as_the_structure_witho
         assert [str(r.structure) for r in of_model(within=model)] == ["two_mass+viscous@2"]
 
 
-def rivals_of(found, truth, values, *further):
+def rivals_of(found, truth, values, *further, noise=0.001, with_model_error=True):
     """Rivals of the only structure that has been fitted, with further effects."""
-    task = simulated_task(truth, values, E.torque(), 0.001 * E.speed, dt=E.dt, f_tanh=200.0)
+    task = simulated_task(truth, values, E.torque(), noise * E.speed, dt=E.dt, f_tanh=200.0)
     own, kit = function_set().parse(found), function_set().whole.placed
     kept = {"one_mass", *map(str, own.placed)}
     lattice = Lattice.of(function_set(), (), [str(p) for p in kit if str(p) not in kept])
@@ -90,7 +90,8 @@ def rivals_of(found, truth, values, *further):
         search.fits.add([own], workers)
         search.refined.begin_round(own)
         detectability = Detectability(search.refined, search.round, workers)
-        rivals = rivals_beyond(detectability, [own], [Placed(*p) for p in further], 0, with_model_error=True)
+        effects = [Placed(*p) for p in further]
+        rivals = rivals_beyond(detectability, [own], effects, 0, with_model_error=with_model_error)
     return [str(r.structure) for r in rivals]
 
 
@@ -107,6 +108,15 @@ def test_rivals_beyond__constant_load_beside_a_pendulum__may_be_a_spring_to_the_
     truth = "one_mass+viscous+ground_spring+pendulum"
     values = {"J1": 0.02, "f_v": 0.006, "c_g": c_g, "G": G, "k": k, "phi_0": phi_0}
     assert truth in rivals_of("one_mass+viscous+gravity+pendulum", truth, values, ("ground_spring", 1))
+
+
+@pytest.mark.parametrize("with_model_error", [False, True])
+def test_rivals_beyond__two_effects_together__take_the_place_of_one_unless_there_is_model_error(with_model_error):
+    """Viscous friction grows with the speed and Stribeck friction fades, so that they pass for Coulomb friction."""
+    truth, values = "one_mass+viscous+stribeck", {"J1": 0.022, "f_v": 0.01, "M_S": 0.3, "omega_S": 10.0}
+    further = ("viscous", 1), ("stribeck", 1)
+    found = rivals_of("one_mass+coulomb", truth, values, *further, noise=0.004, with_model_error=with_model_error)
+    assert found == ([] if with_model_error else [truth])
 
 
 def test_certificate__effect_with_a_rival__says_among_what_the_residual_grows(at_second_mass):

@@ -70,10 +70,10 @@ def decimated(recording: Recording, factor: int) -> Recording:
 
 
 def _largest_factor(recording: Recording, inertia: float, most: int, samples: int) -> int:
-    """Largest factor up to `most` that keeps the input's power, and whose error does not show in the noise.
+    """Largest factor up to `most` that keeps the input's power, and whose error does not colour the noise visibly.
 
-    Of n residuals a correlation of 1/sqrt(n) shows. So the error of the motion of a rigid drive may have that part of
-    the variance of the noise.
+    Of n residuals an autocorrelation of 1/sqrt(n) shows. So the error of the motion of a rigid drive may have that part
+    of the variance of the noise.
     """
     r = recording
     noise = np.maximum(output_noise(r), POLICY.min_relative_noise * r.y.std(axis=1))

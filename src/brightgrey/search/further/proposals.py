@@ -196,7 +196,7 @@ def joint_step(changes: Sequence[EffectChanges], left: Array) -> tuple[Array, li
     """Residual that several effects at once would leave, and these effects, the largest change first.
 
     Each has those of its values whose change shares most with the residual. The sizes leave the least sum of squares,
-    and most of those that cannot be negative are zero then (Lawson and Hanson 1974, doi:10.1137/1.9781611971217).
+    and many of those that cannot be negative are zero then (Lawson and Hanson 1974, doi:10.1137/1.9781611971217).
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def joint_step(changes: Sequence[EffectChanges], left: Array) -> tuple[Array, li
     """
     from scipy.optimize import nnls  # slow to import, and only a search needs it
 
-    draws = [(c, int(np.argmax(_scores(c, left)))) for c in changes]
+    draws = [(c, int(np.argmax(_scores(c, left) * (c.either_sign | (left @ c.changes < 0.0))))) for c in changes]
     signed = [(c, draw, sign) for c, draw in draws for sign in (1.0, -1.0)[: 1 + c.either_sign]]
     columns = np.column_stack([np.zeros_like(left), *(sign * c.changes[:, draw] for c, draw, sign in signed)])
     length = np.linalg.norm(columns, axis=0)
@@ -323,25 +323,25 @@ def _changes(
     base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **fitted.values}
     size = placed.relevant_size(task.scales, fitted.values)
     (vanishing,) = (q for q in placed.effect.parameters if q.size)
-    added = added_with(placed, fitted.structure)
+    name, added = placed.parameter(vanishing.symbol), added_with(placed, fitted.structure)
     names = [p.parameter(q.symbol) for p in added for q in p.effect.parameters]
-    others = [n for n in names if n in space.names and n != placed.parameter(vanishing.symbol)]
+    others = [n for n in names if n in space.names and n != name]
     count = 1 + (FURTHER.draws if others else 0)
-    values = {name: np.full(count, size.get(name, value)) for name, value in base.items()}
+    values = {n: np.full(count, size.get(n, value)) for n, value in base.items()}
     drawn = space.sample(count, np.random.default_rng(seed))
     if placed.effect.search.wave:  # many periods are met by half of the draws, few by the other
         half = (1 + count) // 2
         drawn[:, half:] = with_waves(problem, space, task.settings, drawn[:, half:])
-    for name in others:
-        values[name][1:] = drawn[space.names.index(name), 1:]
+    for n in others:
+        values[n][1:] = drawn[space.names.index(n), 1:]
     moved = problem.residuals(values, task.settings)
     return EffectChanges(
         placed,
         added,
-        {name: values[name] for name in names},
-        placed.parameter(vanishing.symbol),
+        {n: values[n] for n in names},
+        name,
         np.asarray(moved - residual[:, None]),
-        vanishing.scale == "linear",
+        (task.bounds.get(name) or vanishing.bounds(task.scales))[0] < 0.0,
     )
 
 

@@ -55,7 +55,7 @@ class Exchange:
         """Those of some rivals that are beyond the lattice, with no more masses than it has, and still adequate."""
         masses = max(p.effect.masses for p in (*self.allowed, Placed("one_mass")))
         new = [r for r in known if r.structure.masses <= masses and self.is_new(r.structure)]
-        beyond = [(r.structure, r.values) for r in new if r.structure.beside & set(self.effects)]
+        beyond = [(r.structure, r.values) for r in new if self.is_beyond_lattice(r.structure)]
         rivals = [end for end in self.ends(beyond) if self.is_adequate(end)]
         self.minimal.extend(r.structure for r in rivals)
         return rivals
@@ -76,8 +76,7 @@ class Exchange:
         changes = at.changes(self.smooth, self.seed)
         for gone in (p for p in self.removable(own.structure) if not p.effect.has_hard_limit):
             without = at.without(gone)
-            others = [c for c in changes if gone.name not in limiting_cases_within([c.placed])]  # they would be it
-            deviance, effects = without.with_several(others)
+            deviance, effects = without.with_several(changes)
             enough = FURTHER.shared_out * (without.deviance - own.deviance)
             if deviance <= self.far(own) or without.deviance - deviance >= enough:
                 found += self.with_all(own, without.structure, effects)
@@ -138,8 +137,8 @@ class Exchange:
         """
         bare, cases = without_effect(own.structure, gone), limiting_cases(own, gone, self.allowed)
         new = [p for p in cases if p not in bare.placed]
-        given, structure = [p for p in new if p in self.effects], Structure((*bare.placed, *new))
-        if not given or not self.is_new(structure):
+        structure = Structure((*bare.placed, *new))
+        if set(new).isdisjoint(self.effects) or not self.is_new(structure):
             return []
         values = dict(own.values)
         for sizes in cases.values():
@@ -152,19 +151,29 @@ class Exchange:
             small = [f for f in scored if _parameter_count(f.added) <= room][: FURTHER.exchanged]
             larger = [(Structure((*structure.placed, *f.added)), {**ends[0].values, **f.start}) for f in small]
             ends += self.ends([(s, start) for s, start in larger if self.is_new(s)])
-        return self.taken(ends, given[:1] * len(ends))
+        return self.reached(ends)
+
+    def is_beyond_lattice(self, structure: Structure) -> bool:
+        """True for a structure with an effect that the lattice lacks; it has decided all others."""
+        return not structure.beside.isdisjoint(self.effects)
 
     def with_all(self, own: Refined, bare: Structure, effects: Sequence[FurtherEffect]) -> list[Refined]:
-        """An adequate fit of `bare` with some effects, but those that one of the others excludes."""
+        """An adequate fit of `bare` with some effects, but those that others exclude; none that needs one of them only.
+
+        One alone was tried where that may be more than the effect that is gone as a limiting case.
+        """
         structure, values = bare, dict(own.values)
         for f in effects:
             larger = Structure((*structure.placed, *(p for p in f.added if p not in structure.placed)))
             if not function_set().broken_rule(larger):
-                structure, values = larger, {**values, **f.start}
-        given = [f.placed for f in effects if f.placed in self.effects and f.placed in structure.placed]
-        if not given or not self.is_new(structure):
+                structure, values = larger, {**f.start, **values}
+        if not (self.is_beyond_lattice(structure) and self.is_new(structure)):
             return []
-        return self.taken(self.ends([(structure, values)]), given[:1])
+        (end,) = self.ends([(structure, values)])
+        if not self.is_adequate(end):
+            return []
+        end = self.reduced(end)
+        return self.taken([end] if len(end.structure.beside - bare.beside) > 1 else [])
 
     def of_excluded(self, own: Refined) -> list[Refined]:
         """Fits with what excludes an effect of a structure in its place, by multistart: the two are never beside."""
@@ -217,38 +226,42 @@ class Exchange:
         """Adequate fits of `bare` with each of some effects, from some values."""
         larger = {p: Structure((*bare.placed, *added_with(p, bare))) for p in starts}
         new = {p: s for p, s in larger.items() if self.is_new(s)}
-        return self.taken(self.ends([(s, {**values, **starts[p]}) for p, s in new.items()]), list(new))
+        return self.reached(self.ends([(s, {**values, **starts[p]}) for p, s in new.items()]))
 
-    def taken(self, ends: Sequence[Refined], given: Sequence[Placed]) -> list[Refined]:
-        """Rivals that the adequate ones of some fits lead to, each with the effect that it was given."""
-        found = [self.reduced(end, p) for end, p in zip(ends, given, strict=True) if self.is_adequate(end)]
+    def reached(self, ends: Sequence[Refined]) -> list[Refined]:
+        """Rivals that the adequate ones of some fits lead to."""
+        return self.taken([self.reduced(end) for end in ends if self.is_adequate(end)])
+
+    def taken(self, found: Sequence[Refined]) -> list[Refined]:
+        """Those of some adequate fits that contain no structure which is known to explain as well."""
         least = {end.structure: end for end in found if not any(contains(end.structure, s) for s in self.minimal)}
         self.minimal.extend(least)
         return list(least.values())
 
-    def reduced(self, own: Refined, kept: Placed) -> Refined:
-        """A rival without the masses and the effects that it does not need beside the one that it was given."""
-        while (joined := self.last_masses_joined(own, kept)) is not None and self.is_adequate(joined[0]):
-            own, kept = joined
+    def reduced(self, own: Refined) -> Refined:
+        """A rival without the masses and the effects that it does not need, but beyond the lattice."""
+        while (joined := self.last_masses_joined(own)) is not None and self.is_adequate(joined):
+            own = joined
         while True:
             at = linearised(self.detectability.refined, own)
-            removed = {p: at.without(p) for p in self.removable(own.structure) if p != kept}
+            without = {p: without_effect(own.structure, p) for p in self.removable(own.structure)}
+            removed = {p: at.without(p) for p, s in without.items() if self.is_beyond_lattice(s)}
             cases = limiting_cases_within(own.structure.placed)
             smaller = [w.structure for p, w in removed.items() if p.name in cases or w.deviance <= self.far(own)]
-            ends = self.ends([(s, own.values) for s in smaller if kept in s.placed])
+            ends = self.ends([(s, own.values) for s in smaller])
             best = min(ends, key=lambda end: end.deviance, default=own)
             if best is own or not self.is_adequate(best):
                 return own
             own = best
 
-    def last_masses_joined(self, own: Refined, kept: Placed) -> tuple[Refined, Placed] | None:
-        """Fit with the last two masses as one, which has the effects of both, and the effect that is kept.
+    def last_masses_joined(self, own: Refined) -> Refined | None:
+        """Fit with the last two masses as one, which has the effects of both.
 
-        None with as few masses as are required, or if what is kept stands in the shaft between the two. None, too,
-        where it takes an excluded effect, or leaves out a required one.
+        None with as few masses as are required, or where that is a structure of the lattice, which has decided it. So
+        it is where it takes an excluded effect, or leaves out a required one.
         """
         last, least = own.structure.masses, max((p.effect.masses for p in self.required), default=1)
-        if last <= least or (kept.effect.where == "shaft" and kept.place == last - 1):
+        if last <= least:
             return None
         chain = next(p for p in function_set().whole.placed if p.effect.masses == last - 1)
         on_mass = {p: Placed(p.name, last - 1) for p in own.structure.beside if p.effect.where == "mass"}
@@ -259,7 +272,7 @@ class Exchange:
         wanted = {p for p in self.required if not p.effect.masses}
         if function_set().broken_rule(structure) or not wanted <= structure.beside <= self.allowed:
             return None
-        if not structure.beside & set(self.effects):  # it is one of the lattice, which has decided it
+        if not self.is_beyond_lattice(structure):
             return None
         values = dict(own.values)
         for p, q in moved.items():
@@ -267,8 +280,7 @@ class Exchange:
                 values |= {q.parameter(s.symbol): own.values[p.parameter(s.symbol)] for s in p.effect.parameters}
         space = self.detectability.refined.task.space(structure, nuisances=True)
         *_, start = handed_down(values, None, own.structure, structure, space)  # the last way joins the last two masses
-        (end,) = self.ends([(structure, start)])
-        return end, moved.get(kept, kept)
+        return self.ends([(structure, start)])[0]
 
     def ends(self, starts: Sequence[tuple[Structure, Mapping[str, float]]]) -> list[Refined]:
         """Refined fits from some values; once more where these are better than the end of an earlier fit."""

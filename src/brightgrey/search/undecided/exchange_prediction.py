@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
-from brightgrey.kit import Placed, Structure
+from brightgrey.estimation.noise.orthonormal_basis import BASIS_RANK_TOLERANCE, beyond, orthonormal_basis
+from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.search.fitting.refined_fit import Refined, RefinedFits, accurate, residual_and_jacobian
 from brightgrey.search.further.proposals import EffectChanges, FurtherEffect, by_score, changes_beside, joint_step
 
@@ -77,8 +77,17 @@ class WithoutEffect:
     deviance: float
 
     def with_several(self, changes: Sequence[EffectChanges]) -> tuple[float, list[FurtherEffect]]:
-        """Deviance that several effects at once would leave, and these effects, the largest change first."""
-        left, effects = joint_step([self.beyond(c) for c in changes], self.left)
+        """Deviance that several effects at once would leave, and these effects, the largest change first.
+
+        Those that the structure may not have are left out. So is what its parameters explain but for rounding.
+        """
+        kit, distinct = function_set(), list[EffectChanges]()
+        for c in changes:
+            if not kit.broken_rule(Structure((*self.structure.placed, *c.added))):
+                rest, whole = self.beyond(c), np.linalg.norm(c.changes, axis=0)
+                seen = np.linalg.norm(rest.changes, axis=0) > BASIS_RANK_TOLERANCE * whole
+                distinct.append(replace(rest, changes=rest.changes * seen))
+        left, effects = joint_step(distinct, self.left)
         return self.deviance + float(left @ left) - float(self.left @ self.left), effects
 
     def beyond(self, change: EffectChanges) -> EffectChanges:

@@ -7,6 +7,7 @@ effect of a minimal structure is exchanged for others. A rival loses what it doe
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import comb
 
 from brightgrey.arrays import positive
 from brightgrey.kit import Placed, Structure
@@ -95,7 +96,7 @@ def containing_none(rivals: Sequence[Refined], found: Sequence[Structure]) -> tu
 def rival_to_offer(
     detectability: Detectability, found: Sequence[Structure], rivals: Sequence[Refined], among: int, masses: int
 ) -> Refined | None:
-    """The rival that refutes the minimal structures; else the simplest one with fewer masses, if there is any.
+    """The best rival that refutes the minimal structures; else the simplest one with fewer masses, if there is any.
 
     Parameters
     ----------
@@ -105,15 +106,22 @@ def rival_to_offer(
         The minimal ones.
     rivals : sequence of Refined
     among : int
-        Number of effects that were tried: the best of many gains more by chance.
+        Number of effects that were tried: the best choice of some of them gains more by chance.
     masses : int
         Least number of masses of the structures that the rivals are as good as.
     """
     own = min(detectability.refined.of_all(found), key=lambda r: r.deviance)
-    best = min(rivals, key=lambda r: r.deviance, default=own)
-    more = max(best.structure.masses - own.structure.masses, 0)
-    if best.deviance < own.deviance - detectability.threshold(own.structure, best.free - own.free, more, among=among):
-        return best
+    atoms = detectability.circumstances.lattice.atoms
+
+    def refutes(rival: Refined) -> bool:
+        more, beyond = max(rival.structure.masses - own.structure.masses, 0), rival.structure.beside.difference(atoms)
+        choices = comb(among, len(beyond))
+        enough = detectability.threshold(own.structure, rival.free - own.free, more, among=choices)
+        return rival.deviance < own.deviance - enough
+
+    refuting = [r for r in rivals if refutes(r)]
+    if refuting:
+        return min(refuting, key=lambda r: r.deviance)
     fewer = [r for r in rivals if r.structure.masses < masses]
     samples = detectability.refined.whitening.samples
     return min(fewer, key=lambda r: (r.structure.masses, bic(positive(r.deviance), samples, r.free)), default=None)
