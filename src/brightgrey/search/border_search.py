@@ -78,7 +78,7 @@ class BorderSearch(OfferingSearch):
         while True:
             border = self.in_rounds()
             is_simpler = partial(simplifies, self.refined, self.lattice, self.simplest(border), self.round.by_chance)
-            if not (self.goes_over_to_exact_friction(is_simpler) or self.goes_further(border)):
+            if not (self.changes_task(is_simpler) or self.goes_further(border)):
                 return border
 
     def goes_further(self, border: Border) -> bool:
@@ -103,14 +103,14 @@ class BorderSearch(OfferingSearch):
     def fit_largest(self) -> None:
         """Fit the structures with most effects, until nothing is left to explain or to try."""
         self.fit(self.anchors)
-        self.goes_over_to_exact_friction()
+        self.changes_task()
         self.fit_hard_limits()
         self.find_best()
 
     def in_rounds(self) -> Border:
         """Border of the lattice, in rounds with a noise model each, until no status changes."""
         reference, last = self.fits.best().structure, None
-        if self.refined.task is not self.task:  # friction has become exact
+        if self.refined.task is not self.task:  # friction has become exact, or samples were added
             self.refined = RefinedFits(self.task, self.fits, self.executor)
         for _ in range(self.policy.rounds):
             self.refined.begin_round(reference, material_growth(model_error=self.has_model_error()))
@@ -180,7 +180,7 @@ class BorderSearch(OfferingSearch):
             if not wanted:
                 break
             self.restart_at(wanted[0])
-            self.goes_over_to_exact_friction()
+            self.changes_task()
 
     def find_best_patiently(self) -> None:
         """Restart what leads, and what is beside it, by a patient multistart each, until the best residual is white."""
@@ -191,7 +191,7 @@ class BorderSearch(OfferingSearch):
                 break
             tried.add(wanted[0])
             self.restart_at(wanted[0], patiently=True)
-            self.goes_over_to_exact_friction()
+            self.changes_task()
 
     def beside_leaders(self) -> list[Structure]:
         """Structures that lead, each before the largest with one mass more, which is seldom found from below.

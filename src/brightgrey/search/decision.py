@@ -153,6 +153,7 @@ def decide_structures(
             seed,
             tuple(further),
             with_effects if further else None,
+            task.recordings,
             progress=lambda stage, done, best: tell(_progress_of(search, SearchProgress(stage, done, total, best))),
         )
         search.offered = tuple(known)

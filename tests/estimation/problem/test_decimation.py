@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation.problem.decimation import POLICY, decimated, decimated_together
-from brightgrey.simulation.reference import reference
 from support.searches import simulated_task
 
 DT = 1e-3
@@ -52,17 +51,3 @@ def test_decimated__differenced_speed__difference_over_the_longer_interval():
     whole = replace(recording, y=differenced[None], outputs=(replace(signal, kind="velocity-differenced"),))
     coarse = decimated(whole, 4)
     assert coarse.y[0, 1:] == pytest.approx(np.diff(angle[: coarse.samples * 4 : 4]) / coarse.dt)
-
-
-def test_decimated_together__many_recordings__error_does_not_show_in_so_many_samples():
-    faster = SLOW + 1.0 * np.sin(2.0 * np.pi * 15.0 * T)
-    (recording,) = simulated_task("one_mass+viscous", VALUES, faster, 0.01, dt=DT, f_tanh=50.0).recordings
-    (exact,) = reference("one_mass+viscous", VALUES, faster, DT, f_tanh=50.0)
-    factors = []
-    for count in (4, 400):
-        coarse = decimated_together([recording] * count, VALUES["J1"])[0]
-        factors.append(round(coarse.dt / DT))
-        (moved,) = reference("one_mass+viscous", VALUES, coarse.u, coarse.dt, f_tanh=50.0)
-        error = moved - exact[:: factors[-1]]
-        assert np.mean(np.square(error)) < 0.01**2 / np.sqrt(count * coarse.samples)
-    assert 1 < factors[1] < factors[0]

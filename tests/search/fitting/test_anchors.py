@@ -90,7 +90,7 @@ def test_find_best_patiently__each_once_until_explained(search, monkeypatch):
     monkeypatch.setattr(search, "beside_leaders", lambda: [PAPER.parse(f"{n}_mass") for n in ("one", "two", "three")])
     monkeypatch.setattr(search, "restart_at", lambda s, patiently: found.append((s.masses, patiently)))
     monkeypatch.setattr(search, "is_explained", lambda: len(found) == 2)
-    monkeypatch.setattr(search, "goes_over_to_exact_friction", lambda: False)
+    monkeypatch.setattr(search, "changes_task", lambda: False)
     search.find_best_patiently()
     assert found == [(1, True), (2, True)]
     monkeypatch.setattr(search, "is_explained", lambda: False)

@@ -27,6 +27,8 @@ class _Policy:
     largest_factor: int = 10
     least_samples: int = 2000  #: Samples that all recordings keep together.
     least_of_each: int = 500  #: Samples that every recording keeps: its noise has a model of its own.
+    #: Largest error of the motion of a rigid drive, as part of the noise of each output.
+    allowed_error: float = 0.5
     #: Part of the input's power that may be lost: more may excite a resonance.
     allowed_loss: float = 0.01
     min_relative_noise: float = 1e-3  #: Least noise, as part of an output's standard deviation.
@@ -46,7 +48,7 @@ def decimated_together(recordings: Sequence[Recording], inertia: float) -> tuple
     """
     samples = [r.samples for r in recordings]
     most = min(POLICY.largest_factor, sum(samples) // POLICY.least_samples, min(samples) // POLICY.least_of_each)
-    factor = min(_largest_factor(r, inertia, most, sum(samples)) for r in recordings)
+    factor = min(_largest_factor(r, inertia, most) for r in recordings)
     return tuple(recordings if factor == 1 else (decimated(r, factor) for r in recordings))
 
 
@@ -69,12 +71,8 @@ def decimated(recording: Recording, factor: int) -> Recording:
     return replace(r, t=r.t[: last + 1 : factor], u=u, y=y)
 
 
-def _largest_factor(recording: Recording, inertia: float, most: int, samples: int) -> int:
-    """Largest factor up to `most` that keeps the input's power, and whose error does not colour the noise visibly.
-
-    Of n residuals an autocorrelation of 1/sqrt(n) shows. So the error of the motion of a rigid drive may have that part
-    of the variance of the noise.
-    """
+def _largest_factor(recording: Recording, inertia: float, most: int) -> int:
+    """Largest factor up to `most` that keeps the input's power, and whose error moves a rigid drive less than noise."""
     r = recording
     noise = np.maximum(output_noise(r), POLICY.min_relative_noise * r.y.std(axis=1))
     for factor in range(most, 1, -1):
@@ -83,7 +81,7 @@ def _largest_factor(recording: Recording, inertia: float, most: int, samples: in
             continue
         moved = _motions(lost, r.dt, inertia)
         error = [float(np.sqrt(np.mean(np.square(moved[signal.physical.partition("@")[0]])))) for signal in r.outputs]
-        if np.all(np.square(error) <= np.square(noise) / np.sqrt(samples / factor)):
+        if np.all(np.array(error) <= POLICY.allowed_error * noise):
             return factor
     return 1
 

@@ -15,8 +15,10 @@ from brightgrey.arrays import positive
 from brightgrey.estimation.noise.error_floor import TRUSTED_ACCURACY
 from brightgrey.kit import Placed, Structure
 from brightgrey.numerics import distributions
+from brightgrey.recordings import Recording
 from brightgrey.search.adequacy import material_growth
 from brightgrey.search.fitting.anchors import anchors
+from brightgrey.search.fitting.enough_samples import with_enough_samples
 from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import is_explained
@@ -54,6 +56,7 @@ class OfferingSearch:
     further: tuple[Placed, ...] = ()  #: Effects that are offered where those of the lattice leave model error.
     #: The lattice with some of these, and with so many masses at most.
     with_effects: Callable[[Sequence[Placed], int | None], Lattice] | None = None
+    recordings: tuple[Recording, ...] = ()  #: With all samples, where the task may be given more of them.
     options: Options = field(default_factory=lambda: Options(patience=0, fresh_hard_limit=2))
     progress: Callable[[str, int, Structure], None] = field(default_factory=lambda: lambda stage, fits, best: None)
 
@@ -99,7 +102,7 @@ class OfferingSearch:
             return False
         masses = self.anchors[0].masses
         self.fit([s for s in self.anchors if s.masses == masses])
-        self.goes_over_to_exact_friction()
+        self.changes_task()
         if self.is_explained():
             return False
         extended = [fit for own in self.best_with(masses) if (fit := self.extended(own)) is not None]
@@ -297,24 +300,32 @@ class OfferingSearch:
             self.fits.add(new, self.executor)
             self.progress("fits", len(self.fits.done), self.fits.best().structure)
 
-    def goes_over_to_exact_friction(self, is_simpler: Callable[[], bool] = lambda: False) -> bool:
-        """Take exact friction for all structures if the best one explains more with it, or if a model `is_simpler`.
+    def changes_task(self, is_simpler: Callable[[], bool] = lambda: False) -> bool:
+        """Take more samples where the best fit shows that some are missing, and exact friction where that tells.
 
-        Each best fit is asked once whether it explains more.
+        That is, if the best fit explains more with it, or if a model `is_simpler`. Each best fit is asked once.
         """
         best, asked = self.fits.best(), self._asked_cost
         self._asked_cost = best.cost
+        is_new, changed = best.cost < REFIT.improved * asked, False
+        if is_new and self.recordings and (finer := with_enough_samples(self.task, self.recordings, best)):
+            self.take_task(finer)
+            best, changed = self.fits.best(), True
+            self._asked_cost = best.cost
         notable = material_growth(model_error=True)  # what leads so early may have any model error
-        explains = best.cost < REFIT.improved * asked and reverses_at_once(self.task, best, notable)
-        if not (explains or is_simpler()):
-            return False
-        self.task = self.fits.task = replace(self.task, exact_friction=True)
+        if (is_new and reverses_at_once(self.task, best, notable)) or (not changed and is_simpler()):
+            self.take_task(replace(self.task, exact_friction=True))
+            changed = True
+        return changed
+
+    def take_task(self, task: IdentificationTask) -> None:
+        """Fit all structures again for a task that has changed."""
+        self.task = self.fits.task = task
         refit_all(self.fits, self.executor)
         self.least_cost = np.inf  # that with a width may have been less
         self.restarts.clear()
         self._larger.clear()
         self._without_bent.clear()
-        return True
 
     def is_explained(self, fitted: StructureFit | None = None) -> bool:
         """True if the residual of a fit, the best by default, is white or no larger than known errors."""
