@@ -18,10 +18,10 @@ T = DT * np.arange(12001)
 TORQUE = np.sin(2.0 * np.pi * np.outer(T, (0.7, 2.3, 5.1, 11.3))).sum(axis=1)
 
 
-def tasks(noise):
-    """Task with all samples, and with every tenth; there is a resonance at 18 Hz."""
-    whole = simulated_task(str(STRUCTURE), VALUES, TORQUE, noise, dt=DT, f_tanh=50.0)
-    return whole, replace(whole, recordings=tuple(decimated(r, FACTOR) for r in whole.recordings))
+def tasks(noise, factor=FACTOR, torque=TORQUE):
+    """Task with all samples, and with every `factor`-th; there is a resonance at 18 Hz."""
+    whole = simulated_task(str(STRUCTURE), VALUES, torque, noise, dt=DT, f_tanh=50.0)
+    return whole, replace(whole, recordings=tuple(decimated(r, factor) for r in whole.recordings))
 
 
 def best(task):
@@ -41,6 +41,11 @@ def test_with_enough_samples__clean_recording__leaves_out_fewer_and_comes_nearer
     again = best(finer)
     assert abs(again.values["c1"] / VALUES["c1"] - 1.0) < abs(fitted.values["c1"] / VALUES["c1"] - 1.0)
     assert with_enough_samples(finer, whole.recordings, again) is None
+
+
+def test_with_enough_samples__every_second_sample_of_a_fast_torque__takes_all():
+    whole, coarse = tasks(1e-3, 2, TORQUE + 5.0 * np.sin(2.0 * np.pi * 150.0 * T))
+    assert with_enough_samples(coarse, whole.recordings, best(coarse)) == whole
 
 
 def test_with_enough_samples__poor_fit__what_is_left_out_does_not_show(clean):

@@ -27,7 +27,8 @@ def with_enough_samples(
     """The task with as many samples as it takes that the others do not show; None if it has them.
 
     Of n residuals an autocorrelation of 1/sqrt(n) shows. So the error that decimation makes of the motion may have that
-    part of the sum of squares which a fit leaves.
+    part of the sum of squares which a fit leaves. None, too, where every second sample is not enough: a fit that sticks
+    now and then is so sensitive that nothing helps.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ def with_enough_samples(
             shows, left = max(shows, float(np.max(np.square(error).sum(axis=1) / scale))), left + own.size
         if shows <= 1.0 / np.sqrt(left):
             return None if k == factor else coarse
-    return None if factor == 1 else replace(task, recordings=tuple(whole))
+    return replace(task, recordings=tuple(whole)) if factor == 2 else None
 
 
 def _errors(task: IdentificationTask, fitted: StructureFit) -> list[Array]:
