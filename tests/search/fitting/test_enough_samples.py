@@ -9,6 +9,7 @@ from brightgrey.estimation.problem.decimation import decimated
 from brightgrey.kit import PAPER
 from brightgrey.search.fitting.enough_samples import with_enough_samples
 from brightgrey.search.fitting.structure_fit import Options, fit_multistart
+from brightgrey.search.further.offers import effective_samples_of
 from support.searches import simulated_task
 
 DT, FACTOR = 1e-3, 10
@@ -24,6 +25,10 @@ def tasks(noise, factor=FACTOR, torque=TORQUE):
     return whole, replace(whole, recordings=tuple(decimated(r, factor) for r in whole.recordings))
 
 
+def asked(coarse, whole, fitted):
+    return with_enough_samples(coarse, whole.recordings, fitted, effective_samples_of(coarse, fitted))
+
+
 def best(task):
     return fit_multistart(task, STRUCTURE, Options(fresh=2, patience=0), 0)
 
@@ -36,32 +41,32 @@ def clean():
 def test_with_enough_samples__clean_recording__leaves_out_fewer_and_comes_nearer_to_the_truth(clean):
     whole, coarse = clean
     fitted = best(coarse)
-    finer = with_enough_samples(coarse, whole.recordings, fitted)
+    finer = asked(coarse, whole, fitted)
     assert coarse.recordings[0].samples < finer.recordings[0].samples < whole.recordings[0].samples
     again = best(finer)
     assert abs(again.values["c1"] / VALUES["c1"] - 1.0) < abs(fitted.values["c1"] / VALUES["c1"] - 1.0)
-    assert with_enough_samples(finer, whole.recordings, again) is None
+    assert asked(finer, whole, again) is None
 
 
 def test_with_enough_samples__every_second_sample_of_a_fast_torque__takes_all():
     whole, coarse = tasks(1e-3, 2, TORQUE + 5.0 * np.sin(2.0 * np.pi * 150.0 * T))
-    assert with_enough_samples(coarse, whole.recordings, best(coarse)) == whole
+    assert asked(coarse, whole, best(coarse)) == whole
 
 
 def test_with_enough_samples__poor_fit__what_is_left_out_does_not_show(clean):
     whole, coarse = clean
     rigid = fit_multistart(coarse, PAPER.parse("one_mass+viscous"), Options(fresh=2, patience=0), 0)
-    assert with_enough_samples(coarse, whole.recordings, rigid) is None
+    assert asked(coarse, whole, rigid) is None
 
 
 def test_with_enough_samples__noise__has_enough():
     whole, coarse = tasks(0.5)
-    assert with_enough_samples(coarse, whole.recordings, best(coarse)) is None
+    assert asked(coarse, whole, best(coarse)) is None
 
 
 def test_with_enough_samples__nothing_left_out__has_enough(clean):
     whole, coarse = clean
-    assert with_enough_samples(whole, whole.recordings, best(coarse)) is None
+    assert asked(whole, whole, best(coarse)) is None
 
 
 def test_with_enough_samples__differenced_speed__is_compared_as_the_mean_over_the_samples():
@@ -71,4 +76,4 @@ def test_with_enough_samples__differenced_speed__is_compared_as_the_mean_over_th
     signal = replace(r.outputs[0], kind="velocity-differenced")
     whole = replace(whole, recordings=(replace(r, y=np.diff(angle, prepend=0.0)[None] / DT, outputs=(signal,)),))
     coarse = replace(whole, recordings=tuple(decimated(r, FACTOR) for r in whole.recordings))
-    assert with_enough_samples(coarse, whole.recordings, best(coarse)) is None
+    assert asked(coarse, whole, best(coarse)) is None

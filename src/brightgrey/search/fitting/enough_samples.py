@@ -22,13 +22,13 @@ __all__ = ["with_enough_samples"]
 
 
 def with_enough_samples(
-    task: IdentificationTask, whole: Sequence[Recording], fitted: StructureFit
+    task: IdentificationTask, whole: Sequence[Recording], fitted: StructureFit, independent: float
 ) -> IdentificationTask | None:
     """The task with as many samples as it takes that the others do not show; None if it has them.
 
-    Of n residuals an autocorrelation of 1/sqrt(n) shows. So the error that decimation makes of the motion may have that
-    part of the sum of squares which a fit leaves. None, too, where every second sample is not enough: a fit that sticks
-    now and then is so sensitive that nothing helps.
+    Of n independent residuals an autocorrelation of 1/sqrt(n) shows. So the error that decimation makes of the motion
+    may have that part of the sum of squares which a fit leaves. None, too, where every second sample is not enough: a
+    fit that sticks now and then is so sensitive that nothing helps.
 
     Parameters
     ----------
@@ -38,17 +38,19 @@ def with_enough_samples(
         The same recordings with all samples.
     fitted : StructureFit
         The best one.
+    independent : float
+        Number of independent samples that its residuals are worth.
     """
     factor = (whole[0].samples - 1) // (task.recordings[0].samples - 1)
     exact = _errors(replace(task, recordings=tuple(whole)), fitted) if factor > 1 else ()
     for k in range(factor, 1, -1):
         coarse = task if k == factor else replace(task, recordings=tuple(decimated(r, k) for r in whole))
-        shows, left = 0.0, 0.0
+        shows = 0.0
         for r, of_all, own in zip(whole, exact, _errors(coarse, fitted), strict=True):
             error = own - decimated(replace(r, y=of_all), k).y
             scale = positive(np.square(own).sum(axis=1))
-            shows, left = max(shows, float(np.max(np.square(error).sum(axis=1) / scale))), left + own.size
-        if shows <= 1.0 / np.sqrt(left):
+            shows = max(shows, float(np.max(np.square(error).sum(axis=1) / scale)))
+        if shows <= 1.0 / np.sqrt(positive(independent)):
             return None if k == factor else coarse
     return replace(task, recordings=tuple(whole)) if factor == 2 else None
 

@@ -308,7 +308,7 @@ class OfferingSearch:
         best, asked = self.fits.best(), self._asked_cost
         self._asked_cost = best.cost
         is_new, changed = best.cost < REFIT.improved * asked, False
-        if is_new and self.recordings and (finer := with_enough_samples(self.task, self.recordings, best)):
+        if is_new and (finer := self.with_enough_samples(best)) is not None:
             self.take_task(finer)
             best, changed = self.fits.best(), True
             self._asked_cost = best.cost
@@ -317,6 +317,17 @@ class OfferingSearch:
             self.take_task(replace(self.task, exact_friction=True))
             changed = True
         return changed
+
+    def with_enough_samples(self, best: StructureFit) -> IdentificationTask | None:
+        """The task with more samples if the best fit shows that some are missing; its residual tells where it is noise.
+
+        Few independent samples are model error, and larger than what decimation does.
+        """
+        if not (self.recordings and np.isfinite(best.cost)):
+            return None
+        independent = effective_samples_of(self.task, best)
+        few = independent <= SELECTION.few_samples
+        return None if few else with_enough_samples(self.task, self.recordings, best, independent)
 
     def take_task(self, task: IdentificationTask) -> None:
         """Fit all structures again for a task that has changed."""
