@@ -301,9 +301,10 @@ class OfferingSearch:
             self.progress("fits", len(self.fits.done), self.fits.best().structure)
 
     def changes_task(self, is_simpler: Callable[[], bool] = lambda: False) -> bool:
-        """Take more samples where the best fit shows that some are missing, and exact friction where that tells.
+        """Take more samples, or exact friction, for all structures; returns False if neither is called for.
 
-        That is, if the best fit explains more with it, or if a model `is_simpler`. Each best fit is asked once.
+        Samples are called for by the error that the others make of the best fit. Exact friction is if the best fit
+        explains more with it, or if a model `is_simpler`. Each best fit is asked once.
         """
         best, asked = self.fits.best(), self._asked_cost
         self._asked_cost = best.cost
@@ -319,9 +320,9 @@ class OfferingSearch:
         return changed
 
     def with_enough_samples(self, best: StructureFit) -> IdentificationTask | None:
-        """The task with more samples if the best fit shows that some are missing; its residual tells where it is noise.
+        """The task with more samples if the best fit shows that some are missing; None if not.
 
-        Few independent samples are model error, and larger than what decimation does.
+        A residual with few independent samples is model error, which is larger than the error of decimation.
         """
         if not (self.recordings and np.isfinite(best.cost)):
             return None
@@ -333,7 +334,7 @@ class OfferingSearch:
         """Fit all structures again for a task that has changed."""
         self.task = self.fits.task = task
         refit_all(self.fits, self.executor)
-        self.least_cost = np.inf  # that with a width may have been less
+        self.least_cost = np.inf  # that with a width, or with fewer samples, may have been less
         self.restarts.clear()
         self._larger.clear()
         self._without_bent.clear()
