@@ -92,6 +92,13 @@ def whitening_by(task: IdentificationTask, structure: Structure, values: Mapping
     return Whitening.of(residual, jacobian[:, list(inside)], lengths, floor.tolist())
 
 
+def effective_samples_of(task: IdentificationTask, fitted: StructureFit) -> float:
+    """Number of independent samples whose mean is as exact as that of the residual of a fit."""
+    whitening = whitening_by(task, fitted.structure, fitted.values)
+    lengths = zip(whitening.models, whitening.lengths, strict=True)
+    return float(sum(model.effective_samples_mean(n) for model, n in lengths))
+
+
 def refine(
     task: IdentificationTask,
     structure: Structure,
@@ -136,11 +143,11 @@ def refine(
             break
         if turn == REFINEMENT.iterations - 1:
             break
-        best, reached = 1 + REFINEMENT.first_factor, np.inf
-        if turn and gain[best] <= LM_DEFAULTS.racing.same_cost * cost:  # near the optimum one step will do
+        best, reached = 1 + LM_DEFAULTS.first_factor, np.inf
+        if turn and gain[best] <= LM_DEFAULTS.near * cost:  # near the optimum one step will do
             found, slopes = evaluate(problem, space, settings, theta + steps[best])
             simulations, reached = simulations + 1 + len(theta), float(np.square(whitening.whiten(found)).sum())
-        if not cost - reached >= REFINEMENT.predicted * max(gain[best], 0.0):
+        if not cost - reached >= LM_DEFAULTS.as_predicted * max(gain[best], 0.0):
             tried = space.from_scaled((theta + steps[1:]).T)
             costs = np.square(whitening.whiten(problem.residuals(space.named(tried), settings))).sum(axis=0)
             best = 1 + int(np.argmin(costs))
