@@ -82,3 +82,13 @@ def test_extended_by_prediction__nothing_that_predictions_tell__stays(frequencie
 
 def test_extended_by_prediction__parameters_that_are_not_known__are_not_added(three):
     assert extended(three, model_error=True, is_known=lambda structure: structure == FIRST)[0] == FIRST
+
+
+@pytest.mark.parametrize(("third", "added"), [(92.1, True), (91.7, True), (86.0, False)])
+def test_extended_by_prediction__one_recording_a_little_worse__is_added_but_not_if_it_is_notably(
+    third, added, three, monkeypatch
+):
+    """Where the others get much better, the last digits of one recording decide nothing."""
+    known = {FIRST: (80.0, 86.0, 92.1), STRUCTURE: (84.0, 89.0, third)}
+    monkeypatch.setattr(LeftOutRecordings, "of", lambda self, fits: [known.get(f.structure, (0.0,) * 3) for f in fits])
+    assert (extended(three, model_error=True)[0] == STRUCTURE) == added

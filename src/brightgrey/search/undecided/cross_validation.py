@@ -80,7 +80,8 @@ def extended_by_prediction(
 ) -> Structure:
     """A structure with those optional effects by which the recordings predict each other notably better, one by one.
 
-    An effect is added where the fit and the predictions both miss a notable part less, and no recording gets worse.
+    An effect is added where the fit and the predictions both miss a notable part less, and no recording gets worse by
+    as much.
     Masses and gaps are not added: a mass may follow any error of the model, and a gap takes a search of its own.
 
     Parameters
@@ -107,11 +108,12 @@ def extended_by_prediction(
             f for f in _fits_of_larger(fits, own, larger, predictions.executor) if (1.0 + growth) * f.cost < own.cost
         ]
         before, *found = predictions.of([own, *near])
+        notable = growth * missed(before)
         better = [
             (missed(after), f)
             for f, after in zip(near, found, strict=True)
-            if (1.0 + growth) * missed(after) < missed(before)
-            and all(missed([new]) <= missed([old]) for new, old in zip(after, before, strict=True))
+            if missed(after) + notable < missed(before)
+            and all(missed([new]) <= missed([old]) + notable for new, old in zip(after, before, strict=True))
         ]
         for _, f in sorted(better, key=lambda pair: pair[0]):
             fits.done.setdefault(f.structure, f)
