@@ -87,6 +87,10 @@ class RefinementPolicy:
     """Last descent of a fit, in its whitened cost: noise has variance 1 there."""
 
     iterations: int = 10
+    #: Number of the damping factor that is tried alone near an optimum, with derivatives at once, and the part of its
+    #: predicted decrease with which no other is tried.
+    first_factor: int = 1
+    predicted: float = 0.5
     negligible: float = 0.05  #: Predicted decrease that is not worth a step: far below what chance does.
     relative: float = 1e-6  #: The same as part of the cost,
     of_material: float = 1.0 / 20.0  #: and as part of a growth of it that does not matter.

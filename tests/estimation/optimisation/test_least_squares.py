@@ -8,7 +8,6 @@ from scipy.optimize import least_squares
 
 from brightgrey.estimation import scales
 from brightgrey.estimation.optimisation.least_squares import evaluate, fit_many, fit_to_convergence, normal_equations
-from brightgrey.estimation.optimisation.options import LMOptions
 from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.excitation import PAPER_EXPERIMENT
@@ -97,23 +96,6 @@ def test_fit_many__competing_starts__keep_the_best(demo):
     compete = fit_many(problem, space, settings, starts, cost_to_beat=np.inf)
     assert min(e.cost for e in compete) == pytest.approx(min(e.cost for e in alone), rel=1e-3)
     assert sum(e.evaluations for e in compete) <= sum(e.evaluations for e in alone)
-
-
-def test_fit_many__near_the_optimum__one_step_per_round_ends_at_the_same(demo, monkeypatch):
-    """Far from it several dampings are tried; near it the derivatives are taken at once where one step leads."""
-    problem, space, settings = task("one_mass+coulomb+viscous", demo)
-    best = fit_to_convergence(problem, space, settings, space.start)
-    start = space.from_scaled(space.to_scaled(best.values)[:, None] + 0.002)
-    plain = fit_many(problem, space, settings, start, tolerance=1e-7, options=LMOptions(near=0.0))[0]
-    tried, costs = [], SimulationErrorProblem.costs
-    monkeypatch.setattr(SimulationErrorProblem, "costs", lambda *args: tried.append(args) or costs(*args))
-    (found,) = fit_many(problem, space, settings, start, tolerance=1e-7)
-    assert not tried
-    assert found.converged
-    assert found.cost == pytest.approx(plain.cost, rel=1e-6)
-    assert found.simulations < plain.simulations
-    assert fit_many(problem, space, settings, space.start[:, None])[0].simulations > found.simulations
-    assert tried
 
 
 def test_fit_to_convergence__all_fixed__converges(demo):

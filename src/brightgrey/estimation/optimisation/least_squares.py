@@ -220,25 +220,18 @@ def _round(
     factors, count = np.array(options.damping_factors), batch.theta.shape[1]
     steps, done = _damped_steps(space, batch, tolerance, options)
     candidates = space.recentred(batch.theta[:, None] + steps)
-    row, best = np.arange(len(done)), np.full(len(done), options.first_factor)
-    expected = _predicted_decrease(batch.normal, steps)[:, options.first_factor]
-    alone = ~done & (expected > 0.0) & (expected <= options.near * batch.normal.cost)
-    normal = batch.normal
-    better = np.zeros_like(done)
-    if alone.any():  # near the optimum one step will do, and its derivatives are wanted next
-        new = normal_equations(problem, space, settings, candidates[alone, options.first_factor])
-        better[alone] = normal.cost[alone] - new.cost >= options.as_predicted * expected[alone]
-        normal = _replaced(normal, better, new.of(better[alone]))
-    tried = ~(done | better)
-    if tried.any():
-        values = space.from_scaled(candidates[tried].reshape(-1, count).T)
-        costs = problem.costs(space.named(values), settings).reshape(-1, len(factors))
-        best[tried] = costs.argmin(axis=1)
-        tried[tried] = costs.min(axis=1) < normal.cost[tried]
-    if tried.any():
-        normal = _replaced(normal, tried, normal_equations(problem, space, settings, candidates[tried, best[tried]]))
-    asked, better = ~(done | better), better | tried
+    costs = np.full(candidates.shape[:2], np.inf)
+    if not done.all():
+        values = space.from_scaled(candidates[~done].reshape(-1, count).T)
+        costs[~done] = problem.costs(space.named(values), settings).reshape(-1, len(factors))
+    best = costs.argmin(axis=1)
+    row = np.arange(len(best))
+    better = costs[row, best] < batch.normal.cost
     theta = np.where(better[:, None], candidates[row, best], batch.theta)
+    normal = batch.normal
+    if better.any():
+        new = normal_equations(problem, space, settings, theta[better])
+        normal = NormalEquations(*(_replaced(a, better, b) for a, b in zip(normal, new, strict=True)))
     decrease = batch.normal.cost - normal.cost
     quiet = np.where(decrease > tolerance * batch.normal.cost, 0, batch.quiet + 1)
     damping = batch.damping * np.where(better, factors[best], factors[-1] ** 2)
@@ -250,7 +243,7 @@ def _round(
         np.clip(damping, options.min_damping, options.max_damping),
         np.where(done, options.quiet_rounds, quiet),
         np.hstack([batch.history[:, 1:], normal.cost[:, None]]),
-        batch.simulations + np.where(asked, len(factors), 0) + (1 + count) * (alone.astype(int) + tried),
+        batch.simulations + np.where(done, 0, len(factors)) + np.where(better, 1 + count, 0),
     )
 
 
@@ -278,12 +271,10 @@ def _predicted_decrease(normal: NormalEquations, steps: Array) -> Array:
     return np.asarray(-(slope * steps).sum(axis=2))
 
 
-def _replaced(normal: NormalEquations, where: NDArray[np.bool_], new: NormalEquations) -> NormalEquations:
-    """Normal equations with others for some starts."""
-    found = NormalEquations(*(old.copy() for old in normal))
-    for whole, part in zip(found, new, strict=True):
-        whole[where] = part
-    return found
+def _replaced(old: Array, where: NDArray[np.bool_], new: Array) -> Array:
+    out = old.copy()
+    out[where] = new
+    return out
 
 
 def _outraced(batch: _Batch, best: float, turn: int, limit: int, racing: RacingOptions) -> NDArray[np.bool_]:

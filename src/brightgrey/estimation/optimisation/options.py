@@ -54,11 +54,6 @@ class LMOptions:
     negligible_decrease: float = 0.1
     #: The same for the damped steps; at bounds, the least damped step may be a bad one.
     negligible_damped_decrease: float = 3.0
-    #: Number of the factor whose step is taken alone near an optimum, with derivatives at once; the part of the cost
-    #: up to which its predicted decrease is near, and the part of that decrease with which no other step is tried.
-    first_factor: int = 1
-    near: float = 1e-2
-    as_predicted: float = 0.5
     #: Rounds in succession with a decrease below the tolerance after which a start has converged.
     quiet_rounds: int = 2
     final_tolerance: float = 1e-7  #: Relative decrease of the cost at which the final fit has converged.

@@ -143,11 +143,11 @@ def refine(
             break
         if turn == REFINEMENT.iterations - 1:
             break
-        best, reached = 1 + LM_DEFAULTS.first_factor, np.inf
-        if turn and gain[best] <= LM_DEFAULTS.near * cost:  # near the optimum one step will do
+        best, reached = 1 + REFINEMENT.first_factor, np.inf
+        if turn and gain[best] <= LM_DEFAULTS.racing.same_cost * cost:  # near the optimum one step will do
             found, slopes = evaluate(problem, space, settings, theta + steps[best])
             simulations, reached = simulations + 1 + len(theta), float(np.square(whitening.whiten(found)).sum())
-        if not cost - reached >= LM_DEFAULTS.as_predicted * max(gain[best], 0.0):
+        if not cost - reached >= REFINEMENT.predicted * max(gain[best], 0.0):
             tried = space.from_scaled((theta + steps[1:]).T)
             costs = np.square(whitening.whiten(problem.residuals(space.named(tried), settings))).sum(axis=0)
             best = 1 + int(np.argmin(costs))

@@ -143,7 +143,7 @@ class OfferingSearch(SearchState):
 
     def offer_mass_left_out(self) -> bool:
         """Offer one mass more if a structure that was left out, since it has more masses, explained more."""
-        if not self.offered or self.left_out is None:
+        if not self.offered or self.left_out is None or self.left_out.structure.masses <= self.most_masses:
             return False
         return self.is_beyond_chance(self.fits.best(), self.left_out) and self.offer_one_mass()
 
@@ -156,28 +156,30 @@ class OfferingSearch(SearchState):
     def takes_masses(self, own: Structure) -> bool:
         """Take further masses beside a structure, one by one, as long as each explains more than chance.
 
-        They are tried where what is left follows a resonance. Returns True if any was taken.
+        They are tried where what is left follows a resonance. Returns True if any was taken or offered.
         """
-        taken = False
-        while self.has_model_error():
+        changed = False
+        while self.has_model_error() and not self.fits.done[own].redundant_effects:
             share = share_of_resonance(self.task, self.fits.done[own])
-            if share < FURTHER.notable_gain or (own.masses == self.most_masses and not self.offer_one_mass()):
+            if share < FURTHER.notable_gain:
                 break
+            if own.masses == self.most_masses:
+                changed |= self.offer_one_mass()
             larger = self.with_one_mass_more(own)
             if larger == own or larger in self.gone_into:
                 break
             self.gone_into.add(larger)
-            patience = BORDER.patience if share >= FURTHER.rescued_share else 0
-            if not self.takes_mass(own, larger, patience):
+            kept = self.with_mass(own, larger, BORDER.patience if share >= FURTHER.rescued_share else 0)
+            if kept is None:
                 break
-            own, taken = larger, True
-        return taken
+            own, changed = kept, True
+        return changed
 
-    def takes_mass(self, own: Structure, larger: Structure, patience: int) -> bool:
-        """Fit a structure with one mass more by multistart; returns True if it is kept.
+    def with_mass(self, own: Structure, larger: Structure, patience: int) -> Structure | None:
+        """Fit a structure with one mass more by multistart; returns a structure with it, if that is kept.
 
-        It is if the mass explains more than chance beside all effects of the best fit without it: some slow resonance
-        follows any model error.
+        It is if the mass explains more than chance, also beside all effects of the best fit without it: some slow
+        resonance follows any model error.
         """
         half = replace(self.options, patience=patience, fresh=self.options.fresh // BORDER.fields)
         enough = (1.0 - FURTHER.notable_gain) * self.fits.done[own].cost
@@ -187,16 +189,18 @@ class OfferingSearch(SearchState):
         best = min(self.best_with(own.masses), key=lambda f: f.cost)
         whole = self.lattice.structure(self.lattice.mask(best.structure) | self.lattice.mask(larger))
         (beside,) = self.fits.tried([(whole, {**best.values, **found.values})], self.executor)
-        if not self.is_beyond_chance(best, min(beside, found, key=lambda f: f.cost)):
-            return False
-        better = [f for f in (found, beside) if f.cost < REFIT.improved * self._known_cost(f.structure)]
-        self.fits.done.update((f.structure, f) for f in better)
-        self.fits.propagate({f.structure for f in better}, self.executor)
-        return bool(better)
-
-    def _known_cost(self, structure: Structure) -> float:
-        known = self.fits.done.get(structure)
-        return np.inf if known is None else known.cost
+        if not self.is_beyond_chance(best, min(found, beside, key=lambda f: f.cost)):
+            return None
+        better = dict[Structure, StructureFit]()
+        for f in sorted((found, beside), key=lambda f: f.cost):
+            known = better.get(f.structure, self.fits.done.get(f.structure))
+            if np.isfinite(f.cost) and (known is None or f.cost < known.cost):
+                better[f.structure] = f
+        for structure in better.keys() & self.fits.done.keys():
+            self.fits.forget(structure)  # with the starts that have ended elsewhere
+        self.fits.done.update(better)
+        self.fits.propagate(better.keys(), self.executor)
+        return larger if found.cost <= enough else whole
 
     def with_one_mass_more(self, structure: Structure) -> Structure:
         """The structure with the next number of masses; the same if that is not offered."""
@@ -215,7 +219,7 @@ class OfferingSearch(SearchState):
         """
         assert self.with_effects is not None
         best = self.fits.best()
-        if self.left_out is None or best.cost < self.left_out.cost:
+        if best.structure.masses > most and (self.left_out is None or best.cost < self.left_out.cost):
             self.left_out = best
         self.lattice = self.with_effects(self.offered, most)
         lattice = self.lattice
@@ -330,11 +334,11 @@ class OfferingSearch(SearchState):
 
     def is_beyond_chance(self, own: StructureFit, larger: StructureFit) -> bool:
         """True if a larger fit explains what noise of the colour that it leaves would not by chance."""
-        left = effective_samples_of(self.task, larger) - larger.free
+        left = max(effective_samples_of(self.task, larger) - larger.free, 1.0)
         more = max(larger.free - own.free, 1)
         ratio = (own.cost / positive(larger.cost) - 1.0) * left / more
         level = SELECTION.false_alarm_level / max(len(self.more), 1)
-        return left > 0.0 and float(distributions.f.sf(ratio, more, left)) <= level
+        return ratio > 0.0 and float(distributions.f.sf(ratio, more, left)) <= level
 
     def take_task(self, task: IdentificationTask) -> None:
         """Fit all structures again for a task that has changed."""
