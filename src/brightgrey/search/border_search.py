@@ -1,7 +1,8 @@
 """Search for the border: fits are made where the decision rests on them, until nothing is wanted.
 
 A few large structures are fitted by multistart. The simplest adequate one is shrunk, one atom at a time. Then the
-largest structures that contain no adequate one are fitted. In the end multistarts confirm what refutations rest on.
+largest structures that contain no adequate one are fitted. A refutation rests on an optimum that may have been missed.
+So the effort goes there in the end: multistart until independent starts agree.
 """
 
 from __future__ import annotations
@@ -22,11 +23,12 @@ from brightgrey.search.fitting.anchors import hard_limits, largest_by_masses, li
 from brightgrey.search.fitting.exact_friction import simplifies
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
-from brightgrey.search.fitting.refined_fit import RefinedFits, effective_samples_of
+from brightgrey.search.fitting.refined_fit import RefinedFits
 from brightgrey.search.fitting.structure_fit import StructureFit
-from brightgrey.search.further.offers import OfferingSearch
+from brightgrey.search.further.offers import OfferingSearch, effective_samples_of
 from brightgrey.search.policy import BORDER, REFIT, BorderPolicy
 from brightgrey.search.unexplained.doubtful import doubts_about
+from brightgrey.search.unexplained.model_error import calls_for_mass
 
 __all__ = ["BorderRefit", "BorderSearch"]
 
@@ -41,6 +43,7 @@ class BorderSearch(OfferingSearch):
         super().__post_init__()
         self.refined = RefinedFits(self.task, self.fits, self.executor)
         self.tops: set[Structure] = set()
+        self.gone_into: set[Structure] = set()  # simplest ones, and those with one mass more
         self.flipped: set[int] = set()
         self.thorough = False
         self.most_fits = self.policy.max_fits
@@ -206,15 +209,16 @@ class BorderSearch(OfferingSearch):
     def improves_simplest(self, border: Border) -> bool:
         """Restart the simplest minimal structure, and it with one mass more, where the best fit has model error.
 
-        With few effects a multistart reaches optima that the largest miss. Where effects have been offered, only masses
-        are tried. Returns True if the table has changed.
+        With few effects a multistart reaches optima that the largest structures miss. Where further effects have been
+        offered, a mass is tried if the residual calls for it. Returns True if the table has changed.
         """
         own, changed = self.simplest(border), False
-        if not self.thorough:
-            return bool(self.offered) and self.takes_masses(own)
-        for structure in (s for s in (own, self.with_one_mass_more(own)) if s not in self.gone_into):
+        more = next((m for m in mass_masks(self.lattice) if self.lattice.structure(m).masses > own.masses), 0)
+        larger = self.lattice.structure(self.lattice.within(self.lattice.mask(own) | more))
+        wanted = (own, larger) if self.thorough else (larger,) if self.offered else ()
+        for structure in (s for s in dict.fromkeys(wanted) if s not in self.gone_into):
             self.gone_into.add(structure)
-            if self.has_model_error():
+            if self.has_model_error() and (self.thorough or calls_for_mass(self.task, self.fits.done[own])):
                 changed |= structure not in self.fits.done
                 self.fit([structure])
                 changed |= self.restart_at(structure, patiently=True)

@@ -151,9 +151,9 @@ def decide_structures(
             lattice,
             workers,
             seed,
+            tuple(further),
+            with_effects if further else None,
             task.recordings,
-            further=tuple(further),
-            with_effects=with_effects if further else None,
             progress=lambda stage, done, best: tell(_progress_of(search, SearchProgress(stage, done, total, best))),
         )
         search.offered = tuple(known)

@@ -3,7 +3,6 @@
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
-from types import SimpleNamespace
 
 import pytest
 
@@ -13,7 +12,6 @@ from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import decide_structures
 from brightgrey.search.detectability import Detectability
 from brightgrey.search.lattice import Lattice
-from brightgrey.search.undecided.exchange import Exchange
 from brightgrey.search.undecided.open_choice import open_choice
 from brightgrey.search.undecided.rivals import rivals_beyond
 from support.searches import minimal, simulated_task, verdicts
@@ -110,17 +108,6 @@ def test_rivals_beyond__constant_load_beside_a_pendulum__may_be_a_spring_to_the_
     truth = "one_mass+viscous+ground_spring+pendulum"
     values = {"J1": 0.02, "f_v": 0.006, "c_g": c_g, "G": G, "k": k, "phi_0": phi_0}
     assert truth in rivals_of("one_mass+viscous+gravity+pendulum", truth, values, ("ground_spring", 1))
-
-
-def test_without_all__needless_effects__are_left_out_together_but_the_last_that_was_not_offered():
-    detectability = Detectability(None, None, None)
-    exchange = Exchange(detectability, (Placed("viscous", 2), Placed("coulomb", 2)), 0, [], None)
-    asked = []
-    object.__setattr__(exchange, "ends", lambda starts: [asked.append(str(starts[0][0])) or "fit"])
-    own = SimpleNamespace(structure=Structure.parse("two_mass+viscous+viscous@2+coulomb@2+gravity"), values={})
-    needless = [Placed(*p) for p in (("gravity",), ("coulomb", 2), ("viscous", 2))]
-    assert exchange.without_all(own, needless) == "fit"
-    assert asked == ["two_mass+viscous+viscous@2"]
 
 
 @pytest.mark.parametrize("with_model_error", [False, True])

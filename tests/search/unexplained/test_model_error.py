@@ -12,9 +12,9 @@ from brightgrey.search.decision import _unexplained_signs
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.unexplained.model_error import (
+    calls_for_mass,
     gains_steadily,
     optimum_of,
-    share_of_resonance,
     signs_of_model_error,
 )
 from support.recordings import make_recording
@@ -51,19 +51,19 @@ def test_unexplained_signs__best_structure_shows_none__those_of_the_simplest_are
 
 
 @pytest.mark.parametrize(
-    ("truth", "values", "lacking", "most"),
+    ("truth", "values", "lacking", "called"),
     [
         ("two_mass+viscous", {"J1": 0.012, "J2": 0.008, "c1": 40.0, "d1": 0.02, "f_v": 0.02}, "one_mass+viscous", True),
         ("one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 1.0, "f_v": 0.02}, "one_mass+viscous", False),
     ],
 )
-def test_share_of_resonance__one_in_the_residual__most_of_it_and_little_of_friction(truth, values, lacking, most):
+def test_calls_for_mass__resonance_in_the_residual_and_not_friction(truth, values, lacking, called):
     task = simulated_task(truth, values, E.torque()[:900], 0.05, dt=E.dt, f_tanh=E.f_tanh, seed=2)
     structure = PAPER.parse(lacking)
     fits = FitTable(task, (), anchors=[structure])
     with ThreadPoolExecutor(1) as pool:
         fits.add([structure], pool)
-    assert (share_of_resonance(task, fits.done[structure]) > 0.5) == most
+    assert calls_for_mass(task, fits.done[structure]) == called
 
 
 def test_gains_steadily__two_recordings_of_two_outputs__parts_of_time_of_all_outputs():

@@ -176,8 +176,11 @@ def _regressed_sizes(
     effort, rms = (np.sqrt(np.mean(np.square(x), axis=1)) for x in (u, terms))
     unit = np.where(rms > 0.0, rms, 1.0)
     positive = np.array([bool(space.log[space.names.index(names[0])]) for names in kinds])
+    q, r = np.linalg.qr(terms / unit[:, None, :])
+    wanted = np.einsum("knt,kn->kt", q, u)
+    none = np.full(len(kinds), np.inf)
     low = np.where(positive, options.least_torque * effort[:, None], -np.inf)
-    found = bounded_least_squares(terms / unit[:, None, :], u, low) / unit
+    found = np.array([bounded_least_squares(*args, none) for args in zip(r, wanted, low, strict=True)]) / unit
     return {name: shares[name] * found[:, i] for i, names in enumerate(kinds) for name in names}
 
 

@@ -351,7 +351,8 @@ def _robust_regression(torque: Array, terms: Array, reweightings: int) -> Array:
     x = np.zeros(low.size)
     for _ in range(reweightings):
         root = np.sqrt(weight)
-        x = bounded_least_squares(X * root[:, None], torque * root, low)
+        with np.errstate(invalid="ignore"):  # a column of zeros makes its path along the bounds 0 times infinity
+            x = bounded_least_squares(X * root[:, None], torque * root, low, np.full(low.size, np.inf))
         r = np.abs(torque - X @ x)
         spread = 1.345 * float(np.median(r)) / 0.6745  # Huber: 95 % efficiency; median to standard deviation
         weight = np.minimum(1.0, spread / np.maximum(r, np.finfo(float).tiny)) if spread > 0.0 else weight

@@ -105,6 +105,6 @@ def natural_misfit(found: ForceBalance, sign: float) -> tuple[float, float]:
     scale = np.linalg.norm(found.terms, axis=0)
     terms = found.terms / np.where(scale > 0.0, scale, 1.0)
     low = np.array([0.0 if name in NOT_NEGATIVE else -np.inf for name in found.names])
-    residual = sign * found.u - terms @ bounded_least_squares(terms, sign * found.u, low)
+    residual = sign * found.u - terms @ bounded_least_squares(terms, sign * found.u, low, np.full(low.size, np.inf))
     total = float(np.square(found.u - found.u.mean()).sum())
     return float(residual @ residual) / total if total > 0.0 else 1.0, independent_samples(residual)

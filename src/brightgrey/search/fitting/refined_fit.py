@@ -92,13 +92,6 @@ def whitening_by(task: IdentificationTask, structure: Structure, values: Mapping
     return Whitening.of(residual, jacobian[:, list(inside)], lengths, floor.tolist())
 
 
-def effective_samples_of(task: IdentificationTask, fitted: StructureFit) -> float:
-    """Number of independent samples whose mean is as exact as that of the residual of a fit."""
-    whitening = whitening_by(task, fitted.structure, fitted.values)
-    lengths = zip(whitening.models, whitening.lengths, strict=True)
-    return float(sum(model.effective_samples_mean(n) for model, n in lengths))
-
-
 def refine(
     task: IdentificationTask,
     structure: Structure,

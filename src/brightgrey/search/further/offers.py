@@ -6,7 +6,8 @@ The lattice grows by what explains a notable part of the residual.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,9 +15,15 @@ from brightgrey.arrays import positive
 from brightgrey.estimation.noise.error_floor import TRUSTED_ACCURACY
 from brightgrey.kit import Placed, Structure
 from brightgrey.numerics import distributions
-from brightgrey.search.fitting.anchors import anchors, mass_masks
-from brightgrey.search.fitting.refined_fit import accurate, effective_samples_of
-from brightgrey.search.fitting.structure_fit import StructureFit
+from brightgrey.recordings import Recording
+from brightgrey.search.adequacy import material_growth
+from brightgrey.search.fitting.anchors import anchors
+from brightgrey.search.fitting.enough_samples import with_enough_samples
+from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once
+from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.missed_optima import is_explained
+from brightgrey.search.fitting.refined_fit import accurate, whitening_by
+from brightgrey.search.fitting.structure_fit import Options, StructureFit
 from brightgrey.search.further.proposals import (
     FURTHER_STARTS,
     FurtherEffect,
@@ -30,34 +37,36 @@ from brightgrey.search.further.proposals import (
     least_rival_cost,
     moved_effects,
 )
-from brightgrey.search.further.search_state import SearchState
 from brightgrey.search.lattice import Lattice
-from brightgrey.search.parallel import in_order
-from brightgrey.search.policy import BORDER, FURTHER, REFIT, SELECTION
+from brightgrey.search.policy import FURTHER, REFIT, SELECTION
 from brightgrey.search.task import IdentificationTask
-from brightgrey.search.unexplained.model_error import (
-    gains_steadily,
-    optimum_of,
-    share_of_resonance,
-    signs_of_model_error,
-)
+from brightgrey.search.unexplained.model_error import gains_steadily, optimum_of, signs_of_model_error
 
-__all__ = ["OfferingSearch"]
+__all__ = ["OfferingSearch", "effective_samples_of"]
 
 
 @dataclass
-class OfferingSearch(SearchState):
-    """Search that may be offered further effects."""
+class OfferingSearch:
+    """Task, lattice and table of fits of a search, and what it may be offered."""
 
+    task: IdentificationTask
+    lattice: Lattice
+    executor: Executor
+    seed: int = 0
     further: tuple[Placed, ...] = ()  #: Effects that are offered where those of the lattice leave model error.
     #: The lattice with some of these, and with so many masses at most.
     with_effects: Callable[[Sequence[Placed], int | None], Lattice] | None = None
+    recordings: tuple[Recording, ...] = ()  #: With all samples, where the task may be given more of them.
+    options: Options = field(default_factory=lambda: Options(patience=0, fresh_hard_limit=2))
+    progress: Callable[[str, int, Structure], None] = field(default_factory=lambda: lambda stage, fits, best: None)
 
     def __post_init__(self) -> None:
-        super().__post_init__()
+        self.anchors = anchors(self.lattice)
+        self.fits = FitTable(self.task, (), options=self.options, seed=self.seed, anchors=self.anchors)
         self.offered: tuple[Placed, ...] = ()
-        self.gone_into: set[Structure] = set()  # simplest ones, and those with one mass more
-        self.left_out: StructureFit | None = None  # the best fit with more masses than are offered
+        self.restarts: dict[Structure, int] = {}  # multistarts of each structure
+        self.least_cost = np.inf  # of all fits, those included that have been left out
+        self._asked_cost = np.inf  # of the best fit that was asked for exact friction
         self._model_error: dict[tuple[Structure, float], bool] = {}
         #: Costs beside which no bent effect was notable, by masses, hard limit and lattice.
         self._without_bent: dict[tuple[int, bool, tuple[Placed, ...]], float] = {}
@@ -86,9 +95,8 @@ class OfferingSearch(SearchState):
     def offer_to_fewest_masses(self) -> bool:
         """Extend the lattice by effects that explain all beside the fewest masses; returns False without any.
 
-        The residual is white with them; or the best anchor has model error, and does not explain more than chance
-        beyond them. Then no more than one further mass has to be gone into. None of them takes the place of a gap,
-        which has not been fitted yet.
+        The residual is white with them; or the best anchor has model error, and leaves more. Then no more than one
+        further mass has to be gone into. None of them takes the place of a gap, which has not been fitted yet.
         """
         if self.with_effects is None:
             return False
@@ -104,7 +112,7 @@ class OfferingSearch(SearchState):
             return False
         if not self.is_explained(found):
             self.fit(self.anchors)
-            if self.is_beyond_chance(found, self.fits.best()) or not self.has_model_error():
+            if found.cost > self.fits.best().cost or not self.has_model_error():
                 return False
         self.take_offer(found)
         return True
@@ -142,70 +150,15 @@ class OfferingSearch(SearchState):
         return bool(self.offered) and masses >= self.most_masses and self.offer_one_mass()
 
     def offer_mass_left_out(self) -> bool:
-        """Offer one mass more if a structure that was left out, since it has more masses, explained more."""
-        if not self.offered or self.left_out is None or self.left_out.structure.masses <= self.most_masses:
-            return False
-        return self.is_beyond_chance(self.fits.best(), self.left_out) and self.offer_one_mass()
+        """Offer one mass more if structures that were left out, since they have more masses, explained notably more."""
+        enough = self.fits.best().cost <= (1.0 + FURTHER.notable_gain) * self.least_cost
+        return bool(self.offered) and not enough and self.offer_one_mass()
 
     def offer_one_mass(self) -> bool:
         """Take the lattice with one mass more; returns False if it has as many as there are."""
         before = self.most_masses
         self.limit_masses(before + 1)
         return self.most_masses > before
-
-    def takes_masses(self, own: Structure) -> bool:
-        """Take further masses beside a structure, one by one, as long as each explains more than chance.
-
-        They are tried where what is left follows a resonance. Returns True if any was taken or offered.
-        """
-        changed = False
-        while self.has_model_error() and not self.fits.done[own].redundant_effects:
-            share = share_of_resonance(self.task, self.fits.done[own])
-            if share < FURTHER.notable_gain:
-                break
-            if own.masses == self.most_masses:
-                changed |= self.offer_one_mass()
-            larger = self.with_one_mass_more(own)
-            if larger == own or larger in self.gone_into:
-                break
-            self.gone_into.add(larger)
-            kept = self.with_mass(own, larger, BORDER.patience if share >= FURTHER.rescued_share else 0)
-            if kept is None:
-                break
-            own, changed = kept, True
-        return changed
-
-    def with_mass(self, own: Structure, larger: Structure, patience: int) -> Structure | None:
-        """Fit a structure with one mass more by multistart; returns a structure with it, if that is kept.
-
-        It is if the mass explains more than chance, also beside all effects of the best fit without it: some slow
-        resonance follows any model error.
-        """
-        half = replace(self.options, patience=patience, fresh=self.options.fresh // BORDER.fields)
-        enough = (1.0 - FURTHER.notable_gain) * self.fits.done[own].cost
-        calls = [(self.task, larger, enough, self.seed + number, half) for number in range(BORDER.fields)]
-        found = min(in_order(self.executor, fit_below, calls), key=lambda f: f.cost)
-        self.progress("restarts", len(self.fits.done), larger)
-        best = min(self.best_with(own.masses), key=lambda f: f.cost)
-        whole = self.lattice.structure(self.lattice.mask(best.structure) | self.lattice.mask(larger))
-        (beside,) = self.fits.tried([(whole, {**best.values, **found.values})], self.executor)
-        if not self.is_beyond_chance(best, min(found, beside, key=lambda f: f.cost)):
-            return None
-        better = dict[Structure, StructureFit]()
-        for f in sorted((found, beside), key=lambda f: f.cost):
-            known = better.get(f.structure, self.fits.done.get(f.structure))
-            if np.isfinite(f.cost) and (known is None or f.cost < known.cost):
-                better[f.structure] = f
-        for structure in better.keys() & self.fits.done.keys():
-            self.fits.forget(structure)  # with the starts that have ended elsewhere
-        self.fits.done.update(better)
-        self.fits.propagate(better.keys(), self.executor)
-        return larger if found.cost <= enough else whole
-
-    def with_one_mass_more(self, structure: Structure) -> Structure:
-        """The structure with the next number of masses; the same if that is not offered."""
-        more = (m for m in mass_masks(self.lattice) if self.lattice.structure(m).masses > structure.masses)
-        return self.lattice.structure(self.lattice.within(self.lattice.mask(structure) | next(more, 0)))
 
     @property
     def most_masses(self) -> int:
@@ -218,9 +171,7 @@ class OfferingSearch(SearchState):
         If the masses that are there and one more do not call for it, two more do not either.
         """
         assert self.with_effects is not None
-        best = self.fits.best()
-        if best.structure.masses > most and (self.left_out is None or best.cost < self.left_out.cost):
-            self.left_out = best
+        self.least_cost = min(self.least_cost, self.fits.best().cost)
         self.lattice = self.with_effects(self.offered, most)
         lattice = self.lattice
         for s in [s for s in self.fits.done if s.masses > most or lattice.structure(lattice.mask(s)) != s]:
@@ -268,7 +219,10 @@ class OfferingSearch(SearchState):
         found = further_effects(self.task, own, self.more, self.seed) + moved_effects(self.task, own, self.more)
         fits = self.steady(own, self.fits.tried([_with_effect(own, f) for f in found], self.executor))
         if fits:
-            fits += self.as_simpler(own, min(fits, key=lambda f: f.cost))
+            leader = min(fits, key=lambda f: f.cost)
+            simpler = self.fits.tried(as_limiting_cases(own, leader, self.more), self.executor)
+            as_good = [f for f in simpler if f.cost <= (1.0 + FURTHER.notable_gain) * leader.cost]
+            fits += self.steady(own, as_good)
         parameters = {f.structure: len(f.structure.parameters) for f in fits}
         most = max((own.cost - f.cost for f in fits), default=0.0)
         alike = [f for f in fits if own.cost - f.cost >= FURTHER.alike * most]
@@ -295,14 +249,9 @@ class OfferingSearch(SearchState):
         for f in found:
             steady = self.steady(own, self.fits.tried([_with_effect(own, f)], self.executor))
             if steady:
-                return min([*steady, *self.as_simpler(own, steady[0])], key=lambda f: len(f.structure.parameters))
+                return steady[0]
         self._without_bent[asked] = own.cost
         return None
-
-    def as_simpler(self, own: StructureFit, larger: StructureFit) -> list[StructureFit]:
-        """Fits with the limiting cases of what a larger structure has beyond another that explain as much."""
-        fits = self.fits.tried(as_limiting_cases(own, larger, self.more), self.executor)
-        return self.steady(own, [f for f in fits if f.cost <= (1.0 + FURTHER.notable_gain) * larger.cost])
 
     def steady(self, own: StructureFit, larger: Sequence[StructureFit]) -> list[StructureFit]:
         """Those of some fits with further effects that help in most parts of the recordings, or explain all.
@@ -333,19 +282,66 @@ class OfferingSearch(SearchState):
         return bool(found) and self.is_beyond_chance(own, min(found, key=lambda fit: fit.cost))
 
     def is_beyond_chance(self, own: StructureFit, larger: StructureFit) -> bool:
-        """True if a larger fit explains what noise of the colour that it leaves would not by chance."""
-        left = max(effective_samples_of(self.task, larger) - larger.free, 1.0)
+        """True if a fit with further effects explains what noise of the colour that it leaves would not by chance."""
+        left = effective_samples_of(self.task, larger) - larger.free
         more = max(larger.free - own.free, 1)
         ratio = (own.cost / positive(larger.cost) - 1.0) * left / more
-        level = SELECTION.false_alarm_level / max(len(self.more), 1)
-        return ratio > 0.0 and float(distributions.f.sf(ratio, more, left)) <= level
+        level = SELECTION.false_alarm_level / len(self.more)
+        return left > 0.0 and float(distributions.f.sf(ratio, more, left)) <= level
+
+    def fits_poorly(self) -> bool:
+        """True if the best fit is poor, and its residual neither white nor within the accuracy of the simulation."""
+        return self.fits.fit_percent(self.fits.best()) < FURTHER.poor_fit and not self.is_explained()
+
+    def fit(self, structures: Sequence[Structure]) -> None:
+        """Fit structures from their neighbours' optima, and their neighbours anew where that helps."""
+        new = [s for s in structures if s not in self.fits.done]
+        if new:
+            self.fits.add(new, self.executor)
+            self.progress("fits", len(self.fits.done), self.fits.best().structure)
+
+    def changes_task(self, is_simpler: Callable[[], bool] = lambda: False) -> bool:
+        """Take more samples, or exact friction, for all structures; returns False if neither is called for.
+
+        Samples are called for by the error that the others make of the best fit. Exact friction is if the best fit
+        explains more with it, or if a model `is_simpler`. Each best fit is asked once.
+        """
+        best, asked = self.fits.best(), self._asked_cost
+        self._asked_cost = best.cost
+        is_new, changed = best.cost < REFIT.improved * asked, False
+        if is_new and (finer := self.with_enough_samples(best)) is not None:
+            self.take_task(finer)
+            best, changed = self.fits.best(), True
+            self._asked_cost = best.cost
+        notable = material_growth(model_error=True)  # what leads so early may have any model error
+        if (is_new and reverses_at_once(self.task, best, notable)) or (not changed and is_simpler()):
+            self.take_task(replace(self.task, exact_friction=True))
+            changed = True
+        return changed
+
+    def with_enough_samples(self, best: StructureFit) -> IdentificationTask | None:
+        """The task with more samples if the best fit shows that some are missing; None if not.
+
+        A residual with few independent samples is model error, which is larger than the error of decimation.
+        """
+        if not (self.recordings and np.isfinite(best.cost)):
+            return None
+        independent = effective_samples_of(self.task, best)
+        few = independent <= SELECTION.few_samples
+        return None if few else with_enough_samples(self.task, self.recordings, best, independent)
 
     def take_task(self, task: IdentificationTask) -> None:
         """Fit all structures again for a task that has changed."""
-        super().take_task(task)
-        self.left_out = None  # with a width, or with fewer samples, it may have left less
+        self.task = self.fits.task = task
+        refit_all(self.fits, self.executor)
+        self.least_cost = np.inf  # that with a width, or with fewer samples, may have been less
+        self.restarts.clear()
         self._larger.clear()
         self._without_bent.clear()
+
+    def is_explained(self, fitted: StructureFit | None = None) -> bool:
+        """True if the residual of a fit, the best by default, is white or no larger than known errors."""
+        return is_explained(self.fits, fitted)
 
     def has_model_error(self) -> bool:
         """True if the best residual follows a pattern or a further effect by more than coloured noise explains.
@@ -368,6 +364,13 @@ class OfferingSearch(SearchState):
     def more(self) -> list[Placed]:
         """Further effects that have not been offered."""
         return [p for p in self.further if p not in self.lattice.atoms]
+
+
+def effective_samples_of(task: IdentificationTask, fitted: StructureFit) -> float:
+    """Number of independent samples whose mean is as exact as that of the residual of a fit."""
+    whitening = whitening_by(task, fitted.structure, fitted.values)
+    lengths = zip(whitening.models, whitening.lengths, strict=True)
+    return float(sum(model.effective_samples_mean(n) for model, n in lengths))
 
 
 def _with_effect(own: StructureFit, found: FurtherEffect) -> tuple[Structure, dict[str, float]]:

@@ -247,21 +247,12 @@ class Exchange:
             without = {p: without_effect(own.structure, p) for p in self.removable(own.structure)}
             removed = {p: at.without(p) for p, s in without.items() if self.is_beyond_lattice(s)}
             cases = limiting_cases_within(own.structure.placed)
-            tried = [p for p, w in removed.items() if p.name in cases or w.deviance <= self.far(own)]
-            ends = dict(zip(tried, self.ends([(without[p], own.values) for p in tried]), strict=True))
-            needless = sorted((p for p in tried if self.is_adequate(ends[p])), key=lambda p: ends[p].deviance)
-            if not needless:
+            smaller = [w.structure for p, w in removed.items() if p.name in cases or w.deviance <= self.far(own)]
+            ends = self.ends([(s, own.values) for s in smaller])
+            best = min(ends, key=lambda end: end.deviance, default=own)
+            if best is own or not self.is_adequate(best):
                 return own
-            together = self.without_all(own, needless)
-            own = together if self.is_adequate(together) else ends[needless[0]]
-
-    def without_all(self, own: Refined, needless: Sequence[Placed]) -> Refined:
-        """Fit without some effects, but beyond the lattice."""
-        structure = own.structure
-        for placed in needless:
-            smaller = without_effect(structure, placed)
-            structure = smaller if self.is_beyond_lattice(smaller) else structure
-        return self.ends([(structure, own.values)])[0]
+            own = best
 
     def last_masses_joined(self, own: Refined) -> Refined | None:
         """Fit with the last two masses as one, which has the effects of both.

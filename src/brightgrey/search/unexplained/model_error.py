@@ -21,10 +21,10 @@ from brightgrey.kit import Placed, Structure
 from brightgrey.recordings import Recording
 from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import StructureFit
-from brightgrey.search.policy import SELECTION
+from brightgrey.search.policy import FURTHER, SELECTION
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["gains_steadily", "optimum_of", "share_of_resonance", "signs_of_model_error"]
+__all__ = ["calls_for_mass", "gains_steadily", "optimum_of", "signs_of_model_error"]
 
 
 def gains_steadily(own: Array, smaller: Array, recordings: Sequence[Recording]) -> bool:
@@ -77,10 +77,10 @@ def signs_of_model_error(
     return tuple(s.observation for s in found if not any(p in decided for p in s.suggested))
 
 
-def share_of_resonance(task: IdentificationTask, fitted: StructureFit) -> float:
-    """Largest part of what a fit leaves that follows the response of a resonance to the input."""
+def calls_for_mass(task: IdentificationTask, fitted: StructureFit) -> bool:
+    """True if a good part of what a fit leaves follows the response of a resonance to the input."""
     found = _symptoms(task, fitted.structure, optimum_of(task, fitted))
-    return max((s.share for s in found if any(p.effect.masses for p in s.suggested)), default=0.0)
+    return any(s.share >= FURTHER.rescued_share and any(p.effect.masses for p in s.suggested) for s in found)
 
 
 def _symptoms(task: IdentificationTask, structure: Structure, optimum: OptimumWithJacobian) -> tuple[Symptom, ...]:
