@@ -80,9 +80,9 @@ def extended_by_prediction(
 ) -> Structure:
     """A structure with those optional effects by which the recordings predict each other notably better, one by one.
 
-    An effect is added where the fit and the predictions both miss a notable part less, and no recording gets worse by
-    as much.
-    Masses and gaps are not added: a mass may follow any error of the model, and a gap takes a search of its own.
+    An effect is added where the fit and the predictions both miss a notable part less, and no recording misses as much
+    more than it did without any of them. Masses and gaps are not added: a mass may follow any error of the model, and a
+    gap takes a search of its own.
 
     Parameters
     ----------
@@ -101,6 +101,7 @@ def extended_by_prediction(
         return first
     effects = [e for e in optional if not (Placed.parse(e).effect.masses or Placed.parse(e).effect.has_hard_limit)]
     known, own = is_known(first), fits.done[first]
+    (at_first,) = predictions.of([own])
     while True:
         more = [e for e in effects if detectability.can_be_added(own.structure, e)]
         larger = [detectability.with_effect(own.structure, e) for e in more]
@@ -113,7 +114,7 @@ def extended_by_prediction(
             (missed(after), f)
             for f, after in zip(near, found, strict=True)
             if missed(after) + notable < missed(before)
-            and all(missed([new]) <= missed([old]) + notable for new, old in zip(after, before, strict=True))
+            and all(missed([new]) <= missed([old]) + notable for new, old in zip(after, at_first, strict=True))
         ]
         for _, f in sorted(better, key=lambda pair: pair[0]):
             fits.done.setdefault(f.structure, f)
