@@ -28,7 +28,7 @@ from brightgrey.search.policy import BORDER, SELECTION
 from brightgrey.search.progress import BorderProgress, SearchProgress
 from brightgrey.search.ranking import Ranked, ranking_of
 from brightgrey.search.task import IdentificationTask
-from brightgrey.search.undecided.cross_validation import LeftOutRecordings, extended_by_prediction, missed
+from brightgrey.search.undecided.cross_validation import LeftOut, extended_by_prediction, missed
 from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
 from brightgrey.search.undecided.rivals import containing_none, rival_to_offer, rivals_among, rivals_beyond
@@ -201,7 +201,7 @@ def evidence_of(
     search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str] = (), *, ask: bool = True
 ) -> Evidence:
     """Verdicts and certificate of a border that a search has found; `exclude` and `ask` as in `decide_structures`."""
-    predictions = LeftOutRecordings(search.fits, search.executor)
+    predictions = LeftOut(search.fits, search.executor)
     border, certificate, doubts, rivals = _rivalled(search, border, grammar, exclude, predictions)
     lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
     found = doubts.found
@@ -253,7 +253,7 @@ def evidence_of(
 def _handed_back(
     search: BorderSearch,
     detectability: Detectability,
-    predictions: LeftOutRecordings,
+    predictions: LeftOut,
     doubts: Doubts,
     optional: Sequence[str],
 ) -> Structure:
@@ -279,7 +279,7 @@ def _sought_anew(search: BorderSearch, first: Structure, found: Sequence[Structu
 
 
 def _rivalled(
-    search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str], predictions: LeftOutRecordings
+    search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str], predictions: LeftOut
 ) -> tuple[Border, Certificate, Doubts, tuple[Refined, ...]]:
     """Border, its certificate, its minimal structures in order with the doubts about them, and their rivals.
 
@@ -316,7 +316,7 @@ def _rivalled(
     return border, certificate, doubts, rivals
 
 
-def _in_order(search: BorderSearch, minimal: Sequence[Structure], predictions: LeftOutRecordings) -> list[Structure]:
+def _in_order(search: BorderSearch, minimal: Sequence[Structure], predictions: LeftOut) -> list[Structure]:
     """Minimal structures, those first of which every parameter is known, then by masses, prediction and criterion."""
     refined = search.refined.of_all(minimal)
     whitening = search.refined.whitening

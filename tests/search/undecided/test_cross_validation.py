@@ -1,6 +1,7 @@
 """Predictions of recordings that were left out, on recordings of the reference solver."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.detectability import Detectability
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.undecided.cross_validation import (
-    LeftOutRecordings,
+    LeftOut,
+    each_half,
+    each_recording,
     extended_by_prediction,
     missed,
     predict_left_out,
@@ -50,13 +53,13 @@ def extended(task, *, model_error, is_known=lambda structure: True):
         search.fits.add([FIRST], workers)
         circumstances = Round(search.lattice, 2, {4: 20}, 0.0, model_error)
         detectability = Detectability(search.refined, circumstances, workers)
-        predictions = LeftOutRecordings(search.fits, workers)
+        predictions = LeftOut(search.fits, workers)
         return extended_by_prediction(detectability, predictions, FIRST, OPTIONAL, is_known), predictions, search.fits
 
 
 def test_predict_left_out__true_structure__noise_is_all_that_is_missed(three):
     noise = [100.0 * 0.003 * np.abs(r.y).max() / r.y.std() for r in three.recordings]
-    found = predict_left_out(three, STRUCTURE, TRUTH)
+    found = predict_left_out(three, STRUCTURE, TRUTH, each_recording(three.recordings))
     np.testing.assert_allclose(100.0 - np.array(found), noise, rtol=0.1)
 
 
@@ -84,11 +87,54 @@ def test_extended_by_prediction__parameters_that_are_not_known__are_not_added(th
     assert extended(three, model_error=True, is_known=lambda structure: structure == FIRST)[0] == FIRST
 
 
+def told(monkeypatch, by_split):
+    """Let predictions be known, of the first structure and of the true one; others miss everything."""
+
+    def of(self, fits):
+        known = by_split[self.split]
+        nothing = (0.0,) * len(known[FIRST])
+        return [known.get(f.structure, nothing) for f in fits]
+
+    monkeypatch.setattr(LeftOut, "of", of)
+
+
 @pytest.mark.parametrize(("third", "added"), [(92.1, True), (91.7, True), (86.0, False)])
 def test_extended_by_prediction__one_recording_a_little_worse__is_added_but_not_if_it_is_notably(
     third, added, three, monkeypatch
 ):
     """Where the others get much better, the last digits of one recording decide nothing."""
-    known = {FIRST: (80.0, 86.0, 92.1), STRUCTURE: (84.0, 89.0, third)}
-    monkeypatch.setattr(LeftOutRecordings, "of", lambda self, fits: [known.get(f.structure, (0.0,) * 3) for f in fits])
+    whole = {FIRST: (80.0, 86.0, 92.1), STRUCTURE: (84.0, 89.0, third)}
+    halves = {s: (90.0,) * 6 for s in (FIRST, STRUCTURE)}
+    told(monkeypatch, {each_recording: whole, each_half: halves})
     assert (extended(three, model_error=True)[0] == STRUCTURE) == added
+
+
+@pytest.mark.parametrize(("half", "added"), [(85.0, True), (80.0, False)])
+def test_extended_by_prediction__others_predict_as_well__halves_decide(half, added, three, monkeypatch):
+    whole = {s: (80.0, 86.0, 92.1) for s in (FIRST, STRUCTURE)}
+    told(monkeypatch, {each_recording: whole, each_half: {FIRST: (80.0,) * 6, STRUCTURE: (half,) * 6}})
+    assert (extended(three, model_error=True)[0] == STRUCTURE) == added
+
+
+def test_each_half__three_recordings__each_predicts_the_other(three):
+    folds = each_half(three.recordings)
+    assert [[r.samples for r in part] for fold in folds for part in fold] == [[300] * 3] * 4
+    fitted, left_out = folds[0]
+    for whole, first, second in zip(three.recordings, fitted, left_out, strict=True):
+        np.testing.assert_array_equal(np.hstack([first.y, second.y]), whole.y)
+    assert folds[1] == (left_out, fitted)
+
+
+def test_each_half__recordings_of_39_samples__are_too_short_for_halves(three):
+    short = [replace(r, t=r.t[:39], u=r.u[:39], y=r.y[:, :39]) for r in three.recordings]
+    assert each_half(short) == []
+
+
+def test_predict_left_out__half_at_rest__is_missed_as_a_whole_at_most(three):
+    """Nothing moves in the second half, so that no structure can explain any motion there."""
+    still = [np.where(np.arange(r.samples) < 300, r.u, 0.0) for r in three.recordings]
+    kept = [np.where(np.arange(r.samples) < 300, r.y, 0.0) for r in three.recordings]
+    task = replace(three, recordings=tuple(replace(r, u=u, y=y) for r, u, y in zip(three.recordings, still, kept)))
+    found = predict_left_out(task, STRUCTURE, TRUTH, each_half(task.recordings))
+    assert len(found) == 6
+    assert missed(found) <= 6 * 100.0**2
