@@ -104,14 +104,14 @@ def test_extended_by_prediction__one_recording_a_little_worse__is_added_but_not_
 ):
     """Where the others get much better, the last digits of one recording decide nothing."""
     whole = {FIRST: (80.0, 86.0, 92.1), STRUCTURE: (84.0, 89.0, third)}
-    halves = {s: (90.0,) * 6 for s in (FIRST, STRUCTURE)}
+    halves = dict.fromkeys((FIRST, STRUCTURE), (90.0,) * 6)
     told(monkeypatch, {each_recording: whole, each_half: halves})
     assert (extended(three, model_error=True)[0] == STRUCTURE) == added
 
 
 @pytest.mark.parametrize(("half", "added"), [(85.0, True), (80.0, False)])
 def test_extended_by_prediction__others_predict_as_well__halves_decide(half, added, three, monkeypatch):
-    whole = {s: (80.0, 86.0, 92.1) for s in (FIRST, STRUCTURE)}
+    whole = dict.fromkeys((FIRST, STRUCTURE), (80.0, 86.0, 92.1))
     told(monkeypatch, {each_recording: whole, each_half: {FIRST: (80.0,) * 6, STRUCTURE: (half,) * 6}})
     assert (extended(three, model_error=True)[0] == STRUCTURE) == added
 
@@ -132,9 +132,8 @@ def test_each_half__recordings_of_39_samples__are_too_short_for_halves(three):
 
 def test_predict_left_out__half_at_rest__is_missed_as_a_whole_at_most(three):
     """Nothing moves in the second half, so that no structure can explain any motion there."""
-    still = [np.where(np.arange(r.samples) < 300, r.u, 0.0) for r in three.recordings]
-    kept = [np.where(np.arange(r.samples) < 300, r.y, 0.0) for r in three.recordings]
-    task = replace(three, recordings=tuple(replace(r, u=u, y=y) for r, u, y in zip(three.recordings, still, kept)))
+    moving = np.arange(600) < 300
+    task = replace(three, recordings=tuple(replace(r, u=r.u * moving, y=r.y * moving) for r in three.recordings))
     found = predict_left_out(task, STRUCTURE, TRUTH, each_half(task.recordings))
     assert len(found) == 6
     assert missed(found) <= 6 * 100.0**2

@@ -118,8 +118,8 @@ def extended_by_prediction(
     """A structure with those optional effects by which the recordings predict each other notably better, one by one.
 
     An effect is added where the fit and the predictions both miss a notable part less, and no recording misses as much
-    more than it did without any of them. Recordings are predicted by the others, and by the other half of all. Masses and gaps are not added: a mass may follow any error of the model, and a
-    gap takes a search of its own.
+    more than it did without any of them. Recordings are predicted by the others, and by the other half of all. Masses
+    and gaps are not added: a mass may follow any error of the model, and a gap takes a search of its own.
 
     Parameters
     ----------
