@@ -260,7 +260,12 @@ def _handed_back(
     """The structure that is handed back: the first minimal one, or what doubts and predictions make of it."""
     added = [*optional, *(str(p) for p in doubts.found[0].placed if not has(doubts.model, str(p)))]
     return extended_by_prediction(
-        detectability, predictions, doubts.model, added, lambda s: _is_identified(search, search.refined.of(s))
+        detectability,
+        predictions,
+        doubts.model,
+        added,
+        lambda s: _is_identified(search, search.refined.of(s)),
+        search.is_beyond_chance,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -25,7 +26,16 @@ from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, REFINEMENT
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["Refined", "RefinedFits", "accurate", "refine", "residual_and_jacobian", "stands_for", "whitening_by"]
+__all__ = [
+    "Refined",
+    "RefinedFits",
+    "ResidualFilter",
+    "accurate",
+    "refine",
+    "residual_and_jacobian",
+    "stands_for",
+    "whitening_by",
+]
 
 
 @dataclass(frozen=True)
@@ -92,11 +102,22 @@ def whitening_by(task: IdentificationTask, structure: Structure, values: Mapping
     return Whitening.of(residual, jacobian[:, list(inside)], lengths, floor.tolist())
 
 
+class ResidualFilter(Protocol):
+    """Choice of what the sum of squares of a fit counts of its residuals: whitened ones, or some of them."""
+
+    @property
+    def floor_deviance(self) -> float:
+        """Expected sum of squares of the errors of simulation and sensor."""
+
+    def whiten(self, residuals: Array) -> Array:
+        """Counted part of residuals, shape (residuals,), or of their Jacobian, shape (residuals, P)."""
+
+
 def refine(
     task: IdentificationTask,
     structure: Structure,
     values: Mapping[str, float],
-    whitening: Whitening,
+    whitening: ResidualFilter,
     hopeless: float,
     material_growth: float = 0.0,
 ) -> Refined:
@@ -108,7 +129,7 @@ def refine(
     structure : Structure
     values : mapping of str to float
         SI.
-    whitening : Whitening
+    whitening : ResidualFilter
     hopeless : float
         Deviance above which the exact value does not matter: one step is predicted, but not taken.
     material_growth : float

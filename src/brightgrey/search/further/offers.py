@@ -286,7 +286,7 @@ class OfferingSearch:
         left = effective_samples_of(self.task, larger) - larger.free
         more = max(larger.free - own.free, 1)
         ratio = (own.cost / positive(larger.cost) - 1.0) * left / more
-        level = SELECTION.false_alarm_level / len(self.more)
+        level = SELECTION.false_alarm_level / max(len(self.more), 1)
         return left > 0.0 and float(distributions.f.sf(ratio, more, left)) <= level
 
     def fits_poorly(self) -> bool:

@@ -1,8 +1,8 @@
 """Cross-validation: a part of the recordings is predicted by a model that was fitted to the rest.
 
 Where the residual is noise, the deviance decides best. Where it holds model error, whitening passes over slow errors
-that spoil a simulation. Predictions show them: of another recording whether they follow the motion, and of the other
-half of the same recordings whether they stay.
+that spoil a simulation. Predictions tell of an effect that fits better whether it follows such an error: of another
+recording, and of the other half of the same ones.
 """
 
 from __future__ import annotations
@@ -13,66 +13,65 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from brightgrey.arrays import Array
+from brightgrey.estimation.noise.residual_analysis import nrmse_fit_percent
 from brightgrey.estimation.optimisation.least_squares import polish
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.kit import Placed, Structure
-from brightgrey.recordings import Recording
-from brightgrey.recordings.policy import READING
 from brightgrey.search.detectability import Detectability
 from brightgrey.search.fitting.fit_table import FitTable
-from brightgrey.search.fitting.refined_fit import Refined
+from brightgrey.search.fitting.refined_fit import Refined, accurate, refine
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
 
-__all__ = [
-    "Fold",
-    "LeftOut",
-    "each_half",
-    "each_recording",
-    "extended_by_prediction",
-    "missed",
-    "predict_left_out",
-]
-
-Fold = tuple[tuple[Recording, ...], tuple[Recording, ...]]
-"""Recordings, or parts of them, that are fitted, and others that are predicted from them."""
+__all__ = ["LeftOut", "extended_by_prediction", "missed", "predict_halves", "predict_left_out"]
 
 
-def each_recording(recordings: Sequence[Recording]) -> list[Fold]:
-    """Leave out each recording in turn."""
-    return [((*recordings[:k], *recordings[k + 1 :]), (recording,)) for k, recording in enumerate(recordings)]
-
-
-def each_half(recordings: Sequence[Recording]) -> list[Fold]:
-    """Leave out the second half of every recording, then the first; nothing if a half is too short."""
-    if any(r.samples < 2 * READING.min_samples for r in recordings):
-        return []
-    first, second = (tuple(_half(r, late) for r in recordings) for late in (False, True))
-    return [(first, second), (second, first)]
-
-
-def _half(recording: Recording, late: bool) -> Recording:
-    middle = recording.samples // 2
-    rows = slice(middle, None) if late else slice(middle)
-    return replace(recording, t=recording.t[rows], u=recording.u[rows], y=recording.y[:, rows])
-
-
-def predict_left_out(
-    task: IdentificationTask, structure: Structure, values: Mapping[str, float], folds: Sequence[Fold]
-) -> tuple[float, ...]:
-    """NRMSE fit in percent of each part that is left out, by a model that is fitted to the rest from `values`, SI."""
+def predict_left_out(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> tuple[float, ...]:
+    """NRMSE fit in percent of each recording by a model that is fitted to the others, from `values`, SI."""
     fits = []
-    for known, left_out in folds:
-        rest = replace(task, recordings=known)
-        problem, space = rest.problem_and_space(structure)
+    for k, recording in enumerate(task.recordings):
+        others = replace(task, recordings=(*task.recordings[:k], *task.recordings[k + 1 :]))
+        problem, space = others.problem_and_space(structure)
         start = [values.get(n, v) for n, v in zip(space.names, space.start, strict=True)]
-        end = polish(problem, space, rest.settings, np.clip(start, space.low, space.high), tolerance=1e-4)
+        end = polish(problem, space, others.settings, np.clip(start, space.low, space.high), tolerance=1e-4)
         found = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
         own = {n: v for n, v in found.items() if n in structure.parameters or n == FRICTION_WIDTH}
-        fits += [replace(task, recordings=(r,)).misfit(structure, own).fit_percent for r in left_out]
+        fits.append(replace(task, recordings=(recording,)).misfit(structure, own).fit_percent)
     return tuple(fits)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The residuals that a fit counts, in the place of whitening."""
+
+    counted: Array  #: True for each residual that counts.
+    floor_deviance: float = 0.0
+
+    def whiten(self, residuals: Array) -> Array:
+        """Those residuals that count, or rows of their Jacobian."""
+        return np.asarray(residuals[self.counted])
+
+
+def predict_halves(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> tuple[float, ...]:
+    """NRMSE fit in percent of each recording, whose halves are predicted by models of the other halves of all.
+
+    All recordings are simulated from their beginning, and the fits from `values`, SI, count one half of the residuals.
+    So the state in the middle is that of the model, and nuisances belong to whole recordings.
+    """
+    problem, settings = task.problem(structure), accurate(task).settings
+    early = [np.arange(r.samples) < r.samples // 2 for r in task.recordings]
+    first = np.concatenate([np.tile(half, len(r.outputs)) for half, r in zip(early, task.recordings, strict=True)])
+    apart = np.empty(first.size)
+    for counted in (first, ~first):
+        end = refine(task, structure, values, _Rows(counted), np.inf)
+        named = {name: np.array([value]) for name, value in end.values.items()}
+        apart[~counted] = problem.residuals(named, settings)[~counted, 0]
+    parts = np.split(apart, np.cumsum([r.y.size for r in task.recordings])[:-1])
+    motions = [(problem.weights[:, None] * (r.y - r.y.mean(axis=1, keepdims=True))).ravel() for r in task.recordings]
+    return tuple(nrmse_fit_percent(float(e @ e), float(m @ m)) for e, m in zip(parts, motions, strict=True))
 
 
 def missed(left_out: Sequence[float]) -> float:
@@ -85,11 +84,11 @@ def missed(left_out: Sequence[float]) -> float:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Predictions of what is left out, kept by structure; empty ones for fewer than three recordings."""
+    """Predictions of the recordings of a search, kept by structure; empty ones for fewer than three recordings."""
 
     fits: FitTable
     executor: Executor
-    split: Callable[[Sequence[Recording]], list[Fold]] = each_recording
+    predict: Callable[[IdentificationTask, Structure, Mapping[str, float]], tuple[float, ...]] = predict_left_out
     _known: dict[Structure, tuple[StructureFit | Refined, tuple[float, ...]]] = field(default_factory=dict)
 
     @property
@@ -98,12 +97,11 @@ class LeftOut:
         return self.fits.task
 
     def of(self, fitted: Sequence[StructureFit | Refined]) -> list[tuple[float, ...]]:
-        """NRMSE fit in percent of each part that is left out, for each fit."""
+        """NRMSE fit in percent of each recording by models that have not seen what they predict, for each fit."""
         if len(self.task.recordings) < SELECTION.least_recordings:
             return [()] * len(fitted)
         new = [f for f in fitted if f.structure not in self._known or self._known[f.structure][0] is not f]
-        folds = self.split(self.task.recordings)
-        found = in_order(self.executor, predict_left_out, [(self.task, f.structure, f.values, folds) for f in new])
+        found = in_order(self.executor, self.predict, [(self.task, f.structure, f.values) for f in new])
         self._known.update((f.structure, (f, percent)) for f, percent in zip(new, found, strict=True))
         return [self._known[f.structure][1] for f in fitted]
 
@@ -114,57 +112,54 @@ def extended_by_prediction(
     first: Structure,
     optional: Collection[str],
     is_known: Callable[[Structure], bool],
+    is_beyond_chance: Callable[[StructureFit, StructureFit], bool],
 ) -> Structure:
-    """A structure with those optional effects by which the recordings predict each other notably better, one by one.
+    """A structure with those optional effects that fit notably better, if predictions do not contradict, one by one.
 
-    An effect is added where the fit and the predictions both miss a notable part less, and no recording misses as much
-    more than it did without any of them. Recordings are predicted by the others, and by the other half of all. Masses
-    and gaps are not added: a mass may follow any error of the model, and a gap takes a search of its own.
+    An effect is added where the fit misses a notable part less, by more than chance explains, and predictions do not
+    miss as much more than the best so far. Each recording is predicted by the others, and each half of all by the
+    other. Masses and gaps are not added: a mass may follow any error of the model, and a gap takes a search of its own.
 
     Parameters
     ----------
     detectability : Detectability
         Of the last round. Its residual holds model error; otherwise the structure stays as it is.
     predictions : LeftOut
-        Of each recording.
+        Of recordings by the others.
     first : Structure
         The first of the minimal structures, without effects that help in some parts of the recordings only.
     optional : collection of str
         Effects that may be added.
     is_known : callable
         True for a structure of which every parameter is known. Then the larger one has to be known as well.
+    is_beyond_chance : callable
+        True if a fit with further effects explains more than chance does, given the fit without and the fit with them.
     """
     growth, fits = detectability.circumstances.material_growth, detectability.refined.fits
     if not detectability.circumstances.model_error or len(predictions.task.recordings) < SELECTION.least_recordings:
         return first
     effects = [e for e in optional if not (Placed.parse(e).effect.masses or Placed.parse(e).effect.has_hard_limit)]
-    halves = LeftOut(fits, predictions.executor, each_half)
+    halves = LeftOut(fits, predictions.executor, predict_halves)
 
-    def missed_by_recording(fitted: Sequence[StructureFit]) -> list[list[float]]:
-        predicted = zip(predictions.of(fitted), halves.of(fitted), strict=True)
-        count = len(predictions.task.recordings)
-        return [[missed([w, *h[k::count]]) for k, w in enumerate(whole)] for whole, h in predicted]
+    def all_missed(fitted: Sequence[StructureFit]) -> list[float]:
+        return [missed(w) + missed(h) for w, h in zip(predictions.of(fitted), halves.of(fitted), strict=True)]
 
     known, own = is_known(first), fits.done[first]
-    (at_first,) = missed_by_recording([own])
+    (least,) = all_missed([own])
     while True:
         more = [e for e in effects if detectability.can_be_added(own.structure, e)]
         larger = [detectability.with_effect(own.structure, e) for e in more]
         near = [
-            f for f in _fits_of_larger(fits, own, larger, predictions.executor) if (1.0 + growth) * f.cost < own.cost
+            f
+            for f in _fits_of_larger(fits, own, larger, predictions.executor)
+            if (1.0 + growth) * f.cost < own.cost and is_beyond_chance(own, f)
         ]
-        before, *found = missed_by_recording([own, *near])
-        notable = growth * sum(before)
-        better = [
-            (sum(after), f)
-            for f, after in zip(near, found, strict=True)
-            if sum(after) + notable < sum(before)
-            and all(new <= old + notable for new, old in zip(after, at_first, strict=True))
-        ]
-        for _, f in sorted(better, key=lambda pair: pair[0]):
+        enough = (1.0 + growth) * least
+        better = [(after, f) for after, f in zip(all_missed(near), near, strict=True) if after <= enough]
+        for missing, f in sorted(better, key=lambda pair: pair[0]):
             fits.done.setdefault(f.structure, f)
             if is_known(f.structure) or not known:
-                own = f
+                own, least = f, min(least, missing)
                 break
         else:
             return own.structure
