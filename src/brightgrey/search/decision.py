@@ -28,7 +28,7 @@ from brightgrey.search.policy import BORDER, SELECTION
 from brightgrey.search.progress import BorderProgress, SearchProgress
 from brightgrey.search.ranking import Ranked, ranking_of
 from brightgrey.search.task import IdentificationTask
-from brightgrey.search.undecided.cross_validation import LeftOut, extended_by_prediction, missed
+from brightgrey.search.undecided.cross_validation import LeftOut, extended_unless_contradicted, missed
 from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
 from brightgrey.search.undecided.rivals import containing_none, rival_to_offer, rivals_among, rivals_beyond
@@ -259,7 +259,7 @@ def _handed_back(
 ) -> Structure:
     """The structure that is handed back: the first minimal one, or what doubts and predictions make of it."""
     added = [*optional, *(str(p) for p in doubts.found[0].placed if not has(doubts.model, str(p)))]
-    return extended_by_prediction(
+    return extended_unless_contradicted(
         detectability,
         predictions,
         doubts.model,

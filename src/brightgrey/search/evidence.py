@@ -54,7 +54,7 @@ class Evidence:
     #: NRMSE fit in percent of each recording by a model of the others; nothing for fewer than three recordings.
     left_out: Mapping[Structure, tuple[float, ...]] = field(default_factory=dict)
     #: The best minimal one without effects that help in some parts of the recordings only, and with optional effects by
-    #: which they predict each other better; None where that is the minimal one itself.
+    #: which it fits notably better; None where that is the minimal one itself.
     chosen: Refined | None = None
 
     @property
@@ -143,7 +143,7 @@ def with_model(card: EffectVerdict, minimal: Structure, model: Structure) -> Eff
     """Verdict that says why the model that is handed back has or lacks an effect, unlike the best minimal structure."""
     if has(minimal, card.effect) == has(model, card.effect):
         return card
-    reason = Reason("predicts better" if has(model, card.effect) else "left out")
+    reason = Reason("fits better" if has(model, card.effect) else "left out")
     return replace(card, why=replace(card.why, further=(*card.why.further, reason)))
 
 

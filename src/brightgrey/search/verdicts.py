@@ -45,7 +45,7 @@ ReasonKind = Literal[
     "refuted as fixed",
     "refuted without size",
     "refuted at first order",
-    "predicts better",
+    "fits better",
     "left out",
 ]
 
@@ -99,7 +99,7 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "refuted at first order": (
             "From {size} on it would have shown. At first order it explains {gain} % of the residual."
         ),
-        "predicts better": "The model has it, because with it the recordings predict each other better.",
+        "fits better": "The model has it: with it the fit is notably better, and predictions do not contradict.",
         "left out": "The model leaves it out.",
     }
 )

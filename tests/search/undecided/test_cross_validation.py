@@ -14,7 +14,7 @@ from brightgrey.search.detectability import Detectability
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.undecided.cross_validation import (
     LeftOut,
-    extended_by_prediction,
+    extended_unless_contradicted,
     missed,
     predict_halves,
     predict_left_out,
@@ -56,8 +56,8 @@ def extended(task, *, model_error, is_known=always, is_beyond_chance=always):
         circumstances = Round(search.lattice, 2, {4: 20}, 0.0, model_error)
         detectability = Detectability(search.refined, circumstances, workers)
         predictions = LeftOut(search.fits, workers)
-        asked = (is_known, is_beyond_chance)
-        return extended_by_prediction(detectability, predictions, FIRST, OPTIONAL, *asked), predictions, search.fits
+        asked = (predictions, FIRST, OPTIONAL, is_known, is_beyond_chance)
+        return extended_unless_contradicted(detectability, *asked), predictions, search.fits
 
 
 def test_predict_left_out__true_structure__noise_is_all_that_is_missed(three):
@@ -72,7 +72,7 @@ def test_missed__fits__squares_of_what_is_left():
     assert missed(()) == 0.0
 
 
-def test_extended_by_prediction__model_error__adds_what_is_there_and_no_more(three):
+def test_extended_unless_contradicted__model_error__adds_what_is_there_and_no_more(three):
     structure, predictions, fits = extended(three, model_error=True)
     assert structure == STRUCTURE
     before, after = predictions.of([fits.done[FIRST], fits.done[STRUCTURE]])
@@ -82,16 +82,16 @@ def test_extended_by_prediction__model_error__adds_what_is_there_and_no_more(thr
 @pytest.mark.parametrize(
     ("frequencies", "model_error"), [((1.0, 2.0, 3.5), False), ((1.0, 3.5), True)], ids=["noise", "two recordings"]
 )
-def test_extended_by_prediction__nothing_that_predictions_tell__stays(frequencies, model_error):
+def test_extended_unless_contradicted__nothing_that_predictions_tell__stays(frequencies, model_error):
     assert extended(task_of(frequencies), model_error=model_error)[0] == FIRST
 
 
-def test_extended_by_prediction__parameters_that_are_not_known__are_not_added(three):
+def test_extended_unless_contradicted__parameters_that_are_not_known__are_not_added(three):
     assert extended(three, model_error=True, is_known=lambda structure: structure == FIRST)[0] == FIRST
 
 
-def test_extended_by_prediction__no_more_than_chance__is_not_added(three):
-    assert extended(three, model_error=True, is_beyond_chance=lambda own, larger: False)[0] == FIRST
+def test_extended_unless_contradicted__no_more_than_chance__is_not_added(three):
+    assert extended(three, model_error=True, is_beyond_chance=lambda own, larger, tried: False)[0] == FIRST
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_extended_by_prediction__no_more_than_chance__is_not_added(three):
     ],
     ids=["better", "one a little worse", "all a little worse", "one much worse", "halves worse", "all worse"],
 )
-def test_extended_by_prediction__fits_better__is_added_unless_predictions_contradict(
+def test_extended_unless_contradicted__fits_better__is_added_unless_predictions_contradict(
     whole, halves, added, three, monkeypatch
 ):
     told = {

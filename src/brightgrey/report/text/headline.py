@@ -126,7 +126,7 @@ def beside_minimal(model: Model) -> str:
     if model.ties is None or str(model.structure) in model.ties.minimal:
         return ""
     first = Structure.parse(model.ties.minimal[0])
-    return " ".join(part for part in (_left_out(model, first), _added_by_prediction(model, first)) if part)
+    return " ".join(part for part in (_left_out(model, first), _added_for_the_fit(model, first)) if part)
 
 
 def _left_out(model: Model, first: Structure) -> str:
@@ -137,8 +137,8 @@ def _left_out(model: Model, first: Structure) -> str:
     return doubtful_in_words(effects_in_words(more))
 
 
-def _added_by_prediction(model: Model, first: Structure) -> str:
-    """Sentence on effects that no residual demands, with which the recordings predict each other better."""
+def _added_for_the_fit(model: Model, first: Structure) -> str:
+    """Sentence on effects that no verdict demands, with which the model fits notably better, and what it predicts."""
     own, ties = str(model.structure), model.ties
     added = sorted(model.structure.beside - first.beside, key=lambda p: (p.effect.number, p.place))
     if ties is None or own not in ties.left_out or not added:

@@ -86,7 +86,7 @@ class OfferingSearch:
             return False
         for masses in range(1, most_masses + 1):
             pairs = [(own, fit) for own in self.best_with(masses) if (fit := self.extended(own)) is not None]
-            extended = [fit for own, fit in pairs if sure or self.is_beyond_chance(own, fit)]
+            extended = [fit for own, fit in pairs if sure or self.is_beyond_chance(own, fit, len(self.more))]
             if extended:
                 self.take_offer(min(extended, key=lambda f: f.cost))
                 return True
@@ -279,15 +279,17 @@ class OfferingSearch:
         if effective_samples_of(self.task, own) > SELECTION.few_samples:
             return False
         found = [fit for bent in (False, True) if (fit := self.larger_than(own, bent=bent)) is not None]
-        return bool(found) and self.is_beyond_chance(own, min(found, key=lambda fit: fit.cost))
+        return bool(found) and self.is_beyond_chance(own, min(found, key=lambda fit: fit.cost), len(self.more))
 
-    def is_beyond_chance(self, own: StructureFit, larger: StructureFit) -> bool:
-        """True if a fit with further effects explains what noise of the colour that it leaves would not by chance."""
+    def is_beyond_chance(self, own: StructureFit, larger: StructureFit, tried: int) -> bool:
+        """True if a fit with further effects explains what noise of the colour that it leaves would not by chance.
+
+        It is one of several that were `tried`.
+        """
         left = effective_samples_of(self.task, larger) - larger.free
         more = max(larger.free - own.free, 1)
         ratio = (own.cost / positive(larger.cost) - 1.0) * left / more
-        level = SELECTION.false_alarm_level / max(len(self.more), 1)
-        return left > 0.0 and float(distributions.f.sf(ratio, more, left)) <= level
+        return left > 0.0 and float(distributions.f.sf(ratio, more, left)) <= SELECTION.false_alarm_level / tried
 
     def fits_poorly(self) -> bool:
         """True if the best fit is poor, and its residual neither white nor within the accuracy of the simulation."""

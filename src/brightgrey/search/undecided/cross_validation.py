@@ -26,7 +26,7 @@ from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["LeftOut", "extended_by_prediction", "missed", "predict_halves", "predict_left_out"]
+__all__ = ["LeftOut", "extended_unless_contradicted", "missed", "predict_halves", "predict_left_out"]
 
 
 def predict_left_out(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> tuple[float, ...]:
@@ -106,13 +106,13 @@ class LeftOut:
         return [self._known[f.structure][1] for f in fitted]
 
 
-def extended_by_prediction(
+def extended_unless_contradicted(
     detectability: Detectability,
     predictions: LeftOut,
     first: Structure,
     optional: Collection[str],
     is_known: Callable[[Structure], bool],
-    is_beyond_chance: Callable[[StructureFit, StructureFit], bool],
+    is_beyond_chance: Callable[[StructureFit, StructureFit, int], bool],
 ) -> Structure:
     """A structure with those optional effects that fit notably better, if predictions do not contradict, one by one.
 
@@ -133,7 +133,8 @@ def extended_by_prediction(
     is_known : callable
         True for a structure of which every parameter is known. Then the larger one has to be known as well.
     is_beyond_chance : callable
-        True if a fit with further effects explains more than chance does, given the fit without and the fit with them.
+        True if a fit with further effects explains more than chance does, given the fit without and the fit with them,
+        and how many were tried.
     """
     growth, fits = detectability.circumstances.material_growth, detectability.refined.fits
     if not detectability.circumstances.model_error or len(predictions.task.recordings) < SELECTION.least_recordings:
@@ -152,7 +153,7 @@ def extended_by_prediction(
         near = [
             f
             for f in _fits_of_larger(fits, own, larger, predictions.executor)
-            if (1.0 + growth) * f.cost < own.cost and is_beyond_chance(own, f)
+            if (1.0 + growth) * f.cost < own.cost and is_beyond_chance(own, f, len(larger))
         ]
         enough = (1.0 + growth) * least
         better = [(after, f) for after, f in zip(all_missed(near), near, strict=True) if after <= enough]

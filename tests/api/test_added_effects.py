@@ -1,4 +1,4 @@
-"""A model with an effect that no residual demands, which predictions of left-out recordings have added.
+"""A model with an effect that no verdict demands, added for the fit, which left-out recordings do not contradict.
 
 The choice itself is replaced here: any optional effect will do to see what is made of it.
 """
@@ -26,7 +26,7 @@ def result(tmp_path_factory):
         (folder / f"{k}.csv").write_text(recording_csv(seed=k))
         recordings.append(read_small(folder / f"{k}.csv"))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(decision, "extended_by_prediction", lambda d, predictions, first, *_: d.with_effect(first, ADDED))
+        patch.setattr(decision, "extended_unless_contradicted", lambda d, _, first, *more: d.with_effect(first, ADDED))
         return identify(recordings, **SEARCH)
 
 
@@ -54,7 +54,7 @@ def test_words__effect_added__say_what_it_predicts(result, run):
     assert "The model adds Stribeck friction. Then it predicts each recording from the others to 99.6, 99.6" in page
     (card,) = (c for c in result.evidence.cards if c.effect == ADDED)
     assert card.verdict != "needed"
-    assert card.reason.endswith("with it the recordings predict each other better.")
+    assert card.reason.endswith("with it the fit is notably better, and predictions do not contradict.")
 
 
 def test_plan__effect_added__questions_are_those_of_the_model(run):
