@@ -174,6 +174,23 @@ def test_restart_leaders__after_genetic_fits__finds_backlash(briefly_loose):
     assert spent.sets > 0
 
 
+def test_restart__structure_held_back_by_grammar__no_multistart(task, given):
+    """What a grammar holds back is fitted from neighbours alone: a multistart of twenty effects takes minutes."""
+    offered = [PAPER.parse("one_mass"), PAPER.parse("two_mass")]
+    larger = PAPER.parse("two_mass+viscous")  # the drive has Coulomb friction, so that a search goes on
+    with ThreadPoolExecutor(1) as executor:
+        evaluator = LatticeEvaluator(task, offered, executor, criterion("bic"), options=LITTLE)
+        evaluator.fits.add([*offered, larger], executor)
+        counted = len(given)
+        assert evaluator.restart(larger) == SimulationCount()
+        assert len(given) == counted
+        begun = len(evaluator.fits.log)
+        find_missed_optima(evaluator.fits, executor)
+    sought = {f.structure for _, f in evaluator.fits.log[begun:]}
+    assert PAPER.parse("two_mass") in sought
+    assert larger not in sought
+
+
 def test_restart_leaders__largest_structure_not_bred__is_fitted(briefly_loose):
     task, values = briefly_loose
     grammar = Grammar("loose", dict.fromkeys(("two_mass", "viscous", "backlash", "delay"), (1,)))

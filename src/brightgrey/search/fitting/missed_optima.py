@@ -124,8 +124,11 @@ def _leaders(fits: FitTable, place: int, *, gaps: bool) -> list[Structure]:
     n = sum(r.y.size for r in fits.task.recordings)
     ranked = dict[Placed, list[Structure]]()
     behind = dict[Placed, list[Structure]]()
+    offered = set(fits.structures)  # multistarts of larger ones take minutes each
     for fitted in sorted(fits.done.values(), key=lambda f: bic(f.cost + doubt, n, f.free)):
         s = fitted.structure
+        if s not in offered:
+            continue
         if s.has_hard_limit == gaps and not fitted.redundant_effects and fitted.cost < near:
             ranked.setdefault(mass_chain_of(s), []).append(s)
         elif s.has_hard_limit == gaps:

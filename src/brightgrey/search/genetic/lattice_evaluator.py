@@ -173,7 +173,8 @@ class LatticeEvaluator:
     def restart(self, structure: Structure) -> SimulationCount:
         """Fit a structure once by multistart, if that has not been done; returns what was simulated."""
         counted = len(self.fits.spent)
-        self._note_improved(self.fits.restart(structure, self._executor))
+        if structure in self.fits.structures:
+            self._note_improved(self.fits.restart(structure, self._executor))
         return self._spent(counted)
 
     def restart_leaders(self) -> SimulationCount:
