@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.fft import irfft, rfft
-from scipy.linalg import solve_toeplitz
+from scipy.linalg import toeplitz
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.noise.orthonormal_basis import orthonormal_basis
@@ -33,7 +33,7 @@ class _Policy:
     relative_variance_floor: float = 1e-14
     covariance_floor: float = 1e-12  #: The same, found from autocovariances, whose rounding it amplifies.
     direct_lags: int = 64  #: Up to so many lags, sums lag by lag are faster than a Fourier transform.
-    spectrum_length: int = 8  #: Length of a spectrum at first, in lags of an autocovariance.
+    spectrum_length: int = 2  #: Length of a spectrum at first, in lags of an autocovariance.
     longest_spectrum: int = 2**21  #: Its largest length.
     #: Largest relative change of the variance by a spectrum twice as long: what wraps around has decayed.
     wrapped: float = 1e-3
@@ -117,6 +117,11 @@ class Autoregression:
         log_variance : ndarray, shape (P,)
             Variance of the logarithm of `variance`. The coefficients scatter with ``variance R^-1 / samples``, where R
             is the Toeplitz matrix of p autocovariances, and move the spectrum at the frequencies of g.
+
+        Notes
+        -----
+        The coefficients themselves give the inverse of R, as the difference of two products of triangular Toeplitz
+        matrices (Gohberg and Semencul 1972; Kay 1988, section 6.5).
         """
         n = len(g)
         length = _fast_length(2 * n)
@@ -126,10 +131,10 @@ class Autoregression:
         log_variance = np.full(g.shape[1], 2.0 / n)
         if self.order and self.variance > 0.0:
             slopes = -2.0 * _sums_over_frequencies(share / total / response[:, None], length)[1 : 1 + self.order]
-            column = self.autocovariance(n)[: self.order] / self.variance
-            column[0] *= 1.0 + POLICY.relative_variance_floor
-            inverse = solve_toeplitz(column, slopes)
-            log_variance = log_variance + np.maximum(np.sum(slopes * inverse, axis=0), 0.0) / n
+            a, above = np.array(self.a), np.zeros(self.order)
+            first, second = (toeplitz(c, above).T @ slopes for c in (a[:-1], a[:0:-1]))
+            inner = np.square(first).sum(axis=0) - np.square(second).sum(axis=0)
+            log_variance = log_variance + np.maximum(inner, 0.0) / n
         return total * self.variance * 2.0 / length, log_variance
 
 
