@@ -8,10 +8,11 @@ import pytest
 
 from brightgrey import identify, load_model
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.kit import PAPER, Placed, grammar_named
+from brightgrey.kit import PAPER, Placed, function_set, grammar_named
 from brightgrey.model.run_record import load_run_record
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import decide_structures
+from brightgrey.search.fitting.structure_fit import fit_multistart
 from brightgrey.search.further import offers
 from brightgrey.search.further.offers import OfferingSearch
 from brightgrey.search.further.proposals import further_effects
@@ -196,3 +197,20 @@ def test_with_one_more__only_a_pendulum_is_tried__its_limiting_case_explains_ali
         found = search.with_one_more(search.fits.done[own])
     assert str(found.structure) == "one_mass+viscous+ground_spring"
     assert found.values["c_g"] == pytest.approx(0.1, rel=0.05)
+
+
+@pytest.mark.parametrize(("stiffness", "load", "turns"), [(0.1, 0.9, 0.9), (0.05, 2.0, 0.5), (0.2, 1.5, 1.0)])
+def test_larger_than__spring_beside_a_position_dependent_load__is_found_by_multistart(stiffness, load, turns):
+    """Without the spring the load has taken its part, with another period, and no descent leads back from there."""
+    values = {"J1": 0.012, "M_C": 0.3, "c_g": stiffness, "G": load, "k": turns, "phi_0": -0.4}
+    structure = "one_mass+coulomb+ground_spring+pendulum"
+    task = simulated_task(structure, values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=F_TANH, step=1e-3)
+    lattice = Lattice.of(grammar_named("drive").offering([Placed("pendulum")]), ("coulomb",))
+    with ThreadPoolExecutor(1) as workers:
+        search = OfferingSearch(task, lattice, workers, further=(Placed("ground_spring"),))
+        own = fit_multistart(task, function_set().parse("one_mass+coulomb+pendulum"), search.options, 0)
+        search.fits.done[own.structure] = own
+        assert search.larger_than(own) is None
+        found = search.larger_than(own, bent=True)
+    assert str(found.structure) == structure
+    assert {name: found.values[name] for name in values} == pytest.approx(values, rel=0.05)

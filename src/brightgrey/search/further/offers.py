@@ -34,6 +34,7 @@ from brightgrey.search.further.proposals import (
     follows_further_effect,
     further_effects,
     is_bent,
+    is_spring,
     least_rival_cost,
     moved_effects,
 )
@@ -239,13 +240,15 @@ class OfferingSearch:
     def by_multistart(self, own: StructureFit) -> StructureFit | None:
         """A fit with the best of the bent effects, each by multistart; None if none is notable.
 
-        It is not asked again beside a fit that is about as good, has as many masses, and had none.
+        Beside a load of the position every spring is tried: the load has taken its part with another period. It is not
+        asked again beside a fit that is about as good, has as many masses, and had none.
         """
         asked = own.structure.masses, own.structure.has_hard_limit, self.lattice.atoms
         if abs(own.cost - self._without_bent.get(asked, np.inf)) <= FURTHER.notable_gain * own.cost:
             return None
-        bent = [p for p in self.more if is_bent(p)]
-        found = effects_by_multistart(self.task, own, bent, self.seed, self.executor)
+        is_tried = is_spring if own.structure.may_be_unstable else is_bent
+        some = [p for p in self.more if is_tried(p)]
+        found = effects_by_multistart(self.task, own, some, self.seed, self.executor)
         for f in found:
             steady = self.steady(own, self.fits.tried([_with_effect(own, f)], self.executor))
             if steady:
