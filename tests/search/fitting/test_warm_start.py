@@ -1,5 +1,7 @@
 """Optima that larger structures hand down."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, function_set
 from brightgrey.search import IdentificationTask
-from brightgrey.search.fitting.structure_fit import Options, StructureFit, refit_from_supermodel
+from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart, refit_from_supermodel
 from brightgrey.search.fitting.warm_start import exchanged, handed_down, information
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
@@ -195,3 +197,27 @@ def test_refit_from_supermodel__load_over_many_periods__is_found_from_far_off(se
     start = StructureFit(structure, begin, np.inf, len(begin))
     found, _ = refit_from_supermodel(task, start, [start], Options(), anyway=True, growing=True)
     assert found.cost <= 1.001 * least
+
+
+def test_refit_from_supermodel__further_mass__masses_are_joined(task, true_values):
+    """Behind a stiff shaft: without its last mass alone, half of the load would be missing."""
+    truth, larger = PAPER.parse("two_mass+coulomb"), PAPER.parse("three_mass+coulomb")
+    split = true_values | {"J2": 0.5 * true_values["J2"], "J3": 0.5 * true_values["J2"], "c2": 1e5, "d2": 1.0}
+    fitted = StructureFit(larger, split, 1.0, len(split))
+    own = StructureFit(truth, true_values, np.inf, len(true_values))
+    begin, _ = refit_from_supermodel(task, own, [fitted], Options(rounds=0))
+    exact = {name: np.array([value]) for name, value in true_values.items()}
+    assert begin.cost == pytest.approx(float(task.problem(truth).costs(exact, task.settings)[0]))
+    assert begin.values == pytest.approx(true_values)
+
+
+def test_fit_multistart__narrow_ranges__fewer_starts(task, true_values):
+    truth = PAPER.parse("two_mass+coulomb")
+    narrow = replace(task, bounds={name: (0.5 * v, 2.0 * v) for name, v in true_values.items()})
+    spent = [
+        fit_multistart(each, truth, Options(fresh=4, narrow=starts), 0).spent.sets
+        for each in (narrow, task)
+        for starts in (2, 4)
+    ]
+    assert spent[0] < 0.8 * spent[1]
+    assert spent[2] == spent[3]

@@ -16,7 +16,7 @@ from brightgrey.paper.experiment import reference_recording, task_of
 from brightgrey.search import criterion
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
-from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart, refit_from_supermodel
+from brightgrey.search.fitting.structure_fit import Options, StructureFit
 from brightgrey.search.genetic import GeneticSettings, genetic_search
 from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
 from brightgrey.search.genetic.settings import TUNED_SETTINGS
@@ -25,6 +25,7 @@ from brightgrey.search.parallel import thread_pool
 from brightgrey.simulation import response, squares
 
 FEW = Grammar("few", {"one_mass": (1,), "two_mass": (1,), "coulomb": (1,), "viscous": (1,), "gravity": (1,)})
+FEW_AT_FIRST = replace(FEW, held_back={"coulomb": (2,), "viscous": (2,)})
 ALL = tuple(FEW.structures())
 BRIEF = replace(TUNED_SETTINGS, population=4, generations=3)
 LITTLE = Options(fresh=2, patience=0, rounds=8)  # where it matters what is fitted, not how well
@@ -250,6 +251,15 @@ def test_restart_leaders__generations__early_and_last(task, true_values, monkeyp
     assert sought == after
 
 
+def test_restart_leaders__effects_held_back__in_the_end_only(task, monkeypatch):
+    seen, sought = [], set()
+    monkeypatch.setattr(LatticeEvaluator, "restart_leaders", lambda self: sought.add(len(seen)) or SimulationCount())
+    settings = replace(TUNED_SETTINGS, population=4, generations=8, n_neighbours=2)
+    run = genetic_search(task, settings, 1, grammar=FEW_AT_FIRST, progress=seen.append)
+    assert any("coulomb@2" in str(e.job.structure) for e in run.evaluations)
+    assert sought == {8}
+
+
 def test_genetic_search__structure_not_bred__has_tree(briefly_loose):
     task, _ = briefly_loose
     grammar = Grammar("loose", dict.fromkeys(("two_mass", "viscous", "backlash", "delay"), (1,)))
@@ -373,27 +383,3 @@ def test_multistart__resonance_scan__simulations_counted(task, given):
     found = multistart(problem, space, task.settings, None, starts=3, patience=2, seed=0)
     assert max(sets for sets, _ in given) > 500
     assert found.simulations == SimulationCount(*(sum(column) for column in zip(*given, strict=True)))
-
-
-def test_refit_from_supermodel__further_mass__masses_are_joined(task, true_values):
-    """Behind a stiff shaft: without its last mass alone, half of the load would be missing."""
-    truth, larger = PAPER.parse("two_mass+coulomb"), PAPER.parse("three_mass+coulomb")
-    split = true_values | {"J2": 0.5 * true_values["J2"], "J3": 0.5 * true_values["J2"], "c2": 1e5, "d2": 1.0}
-    fitted = StructureFit(larger, split, 1.0, len(split))
-    own = StructureFit(truth, true_values, np.inf, len(true_values))
-    begin, _ = refit_from_supermodel(task, own, [fitted], Options(rounds=0))
-    exact = {name: np.array([value]) for name, value in true_values.items()}
-    assert begin.cost == pytest.approx(float(task.problem(truth).costs(exact, task.settings)[0]))
-    assert begin.values == pytest.approx(true_values)
-
-
-def test_fit_multistart__narrow_ranges__fewer_starts(task, true_values):
-    truth = PAPER.parse("two_mass+coulomb")
-    narrow = replace(task, bounds={name: (0.5 * v, 2.0 * v) for name, v in true_values.items()})
-    spent = [
-        fit_multistart(each, truth, Options(fresh=4, narrow=starts), 0).spent.sets
-        for each in (narrow, task)
-        for starts in (2, 4)
-    ]
-    assert spent[0] < 0.8 * spent[1]
-    assert spent[2] == spent[3]

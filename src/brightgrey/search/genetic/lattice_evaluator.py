@@ -216,10 +216,13 @@ class LatticeEvaluator:
     def _restart_generations(self) -> set[int]:
         """Generations after which missed optima are looked for: early ones, too, since they say which structures lose.
 
-        Within narrow ranges little is missed, and the search is made after the last generation only.
+        Within narrow ranges little is missed, and the search is made after the last generation only. So it is where the
+        grammar holds effects back: of that many structures few contain one another, and none is known to lose.
         """
-        last = self._generations
-        return {last} if self.narrow else {last, *(max(1, last // part) for part in HEURISTICS.early_restarts)}
+        last, beyond = self._generations, not self.fits.done.keys() <= set(self.fits.structures)
+        if self.narrow or beyond:
+            return {last}
+        return {last, *(max(1, last // part) for part in HEURISTICS.early_restarts)}
 
     def _evaluations_beside(self, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
         """Evaluations of structures that got better or were never bred, numbered after the latest individuals."""
