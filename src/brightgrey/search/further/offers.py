@@ -17,6 +17,7 @@ from brightgrey.kit import Placed, Structure
 from brightgrey.numerics import distributions
 from brightgrey.recordings import Recording
 from brightgrey.search.adequacy import material_growth
+from brightgrey.search.criteria import bic
 from brightgrey.search.fitting.anchors import anchors
 from brightgrey.search.fitting.enough_samples import with_enough_samples
 from brightgrey.search.fitting.exact_friction import refit_all, reverses_at_once
@@ -96,8 +97,9 @@ class OfferingSearch:
     def offer_to_fewest_masses(self) -> bool:
         """Extend the lattice by effects that explain all beside the fewest masses; returns False without any.
 
-        The residual is white with them; or the best anchor has model error, and leaves more. Then no more than one
-        further mass has to be gone into. None of them takes the place of a gap, which has not been fitted yet.
+        The residual is white with them; or the best anchor leaves more, and has model error or is less likely by BIC
+        with independent samples. Then no more than one further mass has to be gone into. None of them takes the place
+        of a gap, which has not been fitted yet.
         """
         if self.with_effects is None:
             return False
@@ -113,7 +115,9 @@ class OfferingSearch:
             return False
         if not self.is_explained(found):
             self.fit(self.anchors)
-            if found.cost > self.fits.best().cost or not self.has_model_error():
+            best, n = self.fits.best(), max(effective_samples_of(self.task, found), 2.0)
+            is_likelier = bic(positive(found.cost), n, found.free) < bic(positive(best.cost), n, best.free)
+            if found.cost > best.cost or not (is_likelier or self.has_model_error()):
                 return False
         self.take_offer(found)
         return True
