@@ -86,7 +86,7 @@ class RefitPolicy:
 class RefinementPolicy:
     """Last descent of a fit, in its whitened cost: noise has variance 1 there."""
 
-    iterations: int = 100  #: Most rounds. Few descents take more than ten, but ten left some 50 above the optimum.
+    iterations: int = 100  #: Most rounds; few descents take more than ten, but after ten some were far beyond chance.
     #: Number of the damping factor that is tried alone near an optimum, with derivatives at once, and the part of its
     #: predicted decrease with which no other is tried.
     first_factor: int = 1

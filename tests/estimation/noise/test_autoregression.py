@@ -1,5 +1,7 @@
 """Noise models of smooth noise: residuals of a position are nearly integrated, so that tiny differences decide."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
@@ -82,3 +84,30 @@ def test_variance_of_sums__of_an_estimated_model__scatters_as_its_coefficients_d
     covariance = np.linalg.inv(toeplitz(model.autocovariance(2) / model.variance)) / n
     expected = 2.0 / n + np.einsum("ki,kl,li->i", slopes, covariance, slopes)
     np.testing.assert_allclose(log_variance, expected, rtol=1e-3)  # as exact as an autocovariance is
+
+
+def exact_solution(rows, right):
+    """Solution of linear equations in rational numbers."""
+    m = [[*row, r] for row, r in zip(rows, right, strict=True)]
+    for i in range(len(m)):
+        pivot = next(k for k in range(i, len(m)) if m[k][i])
+        m[i], m[pivot] = m[pivot], m[i]
+        m[i] = [x / m[i][i] for x in m[i]]
+        m = [row if k == i else [x - row[i] * y for x, y in zip(row, m[i], strict=True)] for k, row in enumerate(m)]
+    return [row[-1] for row in m]
+
+
+@pytest.mark.parametrize(("pole", "order"), [(0.5, 1), (0.9, 2), (0.99, 3), (0.99, 4), (0.9, 8)])
+def test_inverse_covariance__smooth_noise__is_that_of_rational_arithmetic(pole, order):
+    """The innovations of the last two have a part of 1e-13 and less of the power."""
+    model = Autoregression(tuple(np.poly([pole] * order).tolist()), 1.0)
+    a = [Fraction(c) for c in model.a]
+    rows = [
+        [sum(a[j] for j in range(order + 1) if abs(i - j) == k) for k in range(order + 1)] for i in range(order + 1)
+    ]
+    c = exact_solution(rows, [Fraction(int(i == 0)) for i in range(order + 1)])
+    x = [Fraction(3 * i * i - 7 * i + 2) for i in range(order)]
+    inverse = exact_solution([[c[abs(i - j)] for j in range(order)] for i in range(order)], x)
+    exact = float(sum(one * other for one, other in zip(x, inverse, strict=True)))
+    (found,) = model._inverse_covariance(np.array(x, float)[:, None])
+    assert found == pytest.approx(exact, rel=1e-4)

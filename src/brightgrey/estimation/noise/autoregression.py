@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.fft import irfft, rfft
-from scipy.linalg import toeplitz
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.noise.orthonormal_basis import orthonormal_basis
@@ -34,7 +33,7 @@ class _Policy:
     covariance_floor: float = 1e-12  #: The same, found from autocovariances, whose rounding it amplifies.
     direct_lags: int = 64  #: Up to so many lags, sums lag by lag are faster than a Fourier transform.
     spectrum_length: int = 2  #: Length of a spectrum at first, in lags of an autocovariance.
-    longest_spectrum: int = 2**21  #: Its largest length.
+    longest_spectrum: int = 2**22  #: Its largest length.
     #: Largest relative change of the variance by a spectrum twice as long: what wraps around has decayed.
     wrapped: float = 1e-3
 
@@ -74,7 +73,7 @@ class Autoregression:
         """Autocovariance of e at lags 0 to ``count - 1``."""
         length = _fast_length(POLICY.spectrum_length * max(count, len(self.a)))
         c = self._wrapped_autocovariance(length)
-        while 4 * length <= POLICY.longest_spectrum:
+        while 2 * length <= POLICY.longest_spectrum:
             shorter, length = c, _fast_length(2 * length)
             c = self._wrapped_autocovariance(length)
             if abs(c[0] - shorter[0]) <= POLICY.wrapped * c[0]:
@@ -118,10 +117,6 @@ class Autoregression:
             Variance of the logarithm of `variance`. The coefficients scatter with ``variance R^-1 / samples``, where R
             is the Toeplitz matrix of p autocovariances, and move the spectrum at the frequencies of g.
 
-        Notes
-        -----
-        The coefficients themselves give the inverse of R, as the difference of two products of triangular Toeplitz
-        matrices (Gohberg and Semencul 1972; Kay 1988, section 6.5).
         """
         n = len(g)
         length = _fast_length(2 * n)
@@ -131,11 +126,21 @@ class Autoregression:
         log_variance = np.full(g.shape[1], 2.0 / n)
         if self.order and self.variance > 0.0:
             slopes = -2.0 * _sums_over_frequencies(share / total / response[:, None], length)[1 : 1 + self.order]
-            a, above = np.array(self.a), np.zeros(self.order)
-            first, second = (toeplitz(c, above).T @ slopes for c in (a[:-1], a[:0:-1]))
-            inner = np.square(first).sum(axis=0) - np.square(second).sum(axis=0)
-            log_variance = log_variance + np.maximum(inner, 0.0) / n
+            log_variance = log_variance + self._inverse_covariance(slopes) / n
         return total * self.variance * 2.0 / length, log_variance
+
+    def _inverse_covariance(self, x: Array) -> Array:
+        """Products x' R^-1 x, shape (P,), with the Toeplitz matrix R of p autocovariances at variance 1; x is (p, P).
+
+        The predictors of all lower orders whiten what R colours (Levinson's recursion, downwards; Kay 1988, section
+        6.3). So the product is a sum of squares, which does not cancel where the noise is smooth.
+        """
+        a, share, total = np.array(self.a), 1.0, np.zeros(x.shape[1])
+        while len(a) > 1:
+            left = max(1.0 - a[-1] ** 2, POLICY.relative_variance_floor)
+            a, share = ((a - a[-1] * a[::-1]) / left)[:-1], share * left
+            total += share * (a[::-1] @ x[: len(a)]) ** 2
+        return total
 
 
 def burg(x: Array, highest: int) -> list[Autoregression]:

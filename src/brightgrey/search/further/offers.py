@@ -70,8 +70,8 @@ class OfferingSearch:
         self.least_cost = np.inf  # of all fits, those included that have been left out
         self._asked_cost = np.inf  # of the best fit that was asked for exact friction
         self._model_error: dict[tuple[Structure, float], bool] = {}
-        #: Costs beside which no bent effect was notable, by masses, hard limit and lattice.
-        self._without_bent: dict[tuple[int, bool, tuple[Placed, ...]], float] = {}
+        #: Costs beside which no multistart with one more effect was notable, by masses, kind and lattice.
+        self._without_bent: dict[tuple[int, bool, bool, tuple[Placed, ...]], float] = {}
         self._larger: dict[tuple[bool, Structure, float, tuple[Placed, ...]], StructureFit | None] = {}
 
     def offer_further(self, most_masses: int) -> bool:
@@ -97,9 +97,9 @@ class OfferingSearch:
     def offer_to_fewest_masses(self) -> bool:
         """Extend the lattice by effects that explain all beside the fewest masses; returns False without any.
 
-        The residual is white with them; or the best anchor leaves more, and has model error or is less likely by BIC
-        with independent samples. Then no more than one further mass has to be gone into. None of them takes the place
-        of a gap, which has not been fitted yet.
+        The residual is white with them; or the best anchor leaves more, which is not white, and has model error or is
+        less likely by BIC with the independent samples beside them. Then no more than one further mass is gone into.
+        None of them takes the place of a gap, which has not been fitted yet.
         """
         if self.with_effects is None:
             return False
@@ -117,7 +117,7 @@ class OfferingSearch:
             self.fit(self.anchors)
             best, n = self.fits.best(), max(effective_samples_of(self.task, found), 2.0)
             is_likelier = bic(positive(found.cost), n, found.free) < bic(positive(best.cost), n, best.free)
-            if found.cost > best.cost or not (is_likelier or self.has_model_error()):
+            if found.cost > best.cost or self.is_explained() or not (is_likelier or self.has_model_error()):
                 return False
         self.take_offer(found)
         return True
@@ -208,7 +208,7 @@ class OfferingSearch:
         return reached if enough and reached.cost < least_rival_cost(taken, self.fits.done) else None
 
     def larger_than(self, own: StructureFit, *, bent: bool = False) -> StructureFit | None:
-        """A fit with one more effect, a bent one by multistart if asked for; each is made once."""
+        """A fit with one more effect, by multistart if a bent one is asked for; each is made once."""
         known = bent, own.structure, own.cost, self.lattice.atoms
         if known not in self._larger:
             self._larger[known] = self.by_multistart(own) if bent else self.with_one_more(own)
@@ -242,15 +242,16 @@ class OfferingSearch:
         return anew if anew.cost < best.cost and self.steady(own, [anew]) else best
 
     def by_multistart(self, own: StructureFit) -> StructureFit | None:
-        """A fit with the best of the bent effects, each by multistart; None if none is notable.
+        """A fit with the best of some effects, each by multistart; None if none is notable.
 
-        Beside a load of the position every spring is tried: the load has taken its part with another period. It is not
-        asked again beside a fit that is about as good, has as many masses, and had none.
+        These are bent ones. Beside a load of the position they are springs of every kind: the load has taken their part
+        with another period. It is not asked again beside a fit that is about as good, has as many masses, and had none.
         """
-        asked = own.structure.masses, own.structure.has_hard_limit, self.lattice.atoms
+        structure = own.structure
+        asked = structure.masses, structure.has_hard_limit, structure.may_be_unstable, self.lattice.atoms
         if abs(own.cost - self._without_bent.get(asked, np.inf)) <= FURTHER.notable_gain * own.cost:
             return None
-        is_tried = is_spring if own.structure.may_be_unstable else is_bent
+        is_tried = is_spring if structure.may_be_unstable else is_bent
         some = [p for p in self.more if is_tried(p)]
         found = effects_by_multistart(self.task, own, some, self.seed, self.executor)
         for f in found:

@@ -216,8 +216,9 @@ class LatticeEvaluator:
     def _restart_generations(self) -> set[int]:
         """Generations after which missed optima are looked for: early ones, too, since they say which structures lose.
 
-        Within narrow ranges little is missed, and the search is made after the last generation only. So it is where the
-        grammar holds effects back: of that many structures few contain one another, and none is known to lose.
+        Within narrow ranges little is missed, and the search is made after the last generation only. So it is once
+        structures with effects that the grammar holds back were bred: few of so many contain one another, and hardly
+        any is known to lose.
         """
         last, beyond = self._generations, not self.fits.done.keys() <= set(self.fits.structures)
         if self.narrow or beyond:
