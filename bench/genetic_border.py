@@ -6,7 +6,8 @@
 Drives have one to four masses and two to six effects of all kinds, as in ``bench/recovery.py --truths drive``. Both
 searches get the same recording with 1 % noise and nothing else. *Right*: the structure that comes first is the drive's
 own, or lacks nothing that matters. What matters is told by the same table of fits for both. *Within the drive*: the
-structure has nothing that the drive has not, whatever it lacks. Simulations are parameter sets that were simulated.
+structure has nothing that the drive has not, whatever it lacks. *Covered*: one of the minimal structures is within the
+drive, and lacks optional effects alone. Simulations are parameter sets that were simulated.
 """
 
 from __future__ import annotations
@@ -109,11 +110,12 @@ def table(rows: Sequence[Mapping]) -> Table:
             [
                 name,
                 *(share(sum(r[kind] for r in some), len(some), percent=True) for kind in ("right", "within")),
+                share(sum(r["covered"] for r in rows), len(rows), percent=True) if how == "border" else "-",
                 f"{np.median([r['simulations'] for r in some]):,.0f}",
                 f"{np.mean([r['seconds'] for r in some]):.0f}",
             ]
         )
-    columns = ["search", "first structure right", "within the drive", "simulations, median", "CPU s, mean"]
+    columns = ["search", "first structure right", "within the drive", "covered", "simulations, median", "CPU s, mean"]
     return Table("Both searches over the function set `drive`", columns, cells)
 
 
