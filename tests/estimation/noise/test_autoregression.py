@@ -98,7 +98,7 @@ def exact_solution(rows, right):
 
 
 @pytest.mark.parametrize(("pole", "order"), [(0.5, 1), (0.9, 2), (0.99, 3), (0.99, 4), (0.9, 8)])
-def test_inverse_covariance__smooth_noise__is_that_of_rational_arithmetic(pole, order):
+def test_inverse_form__smooth_noise__is_that_of_rational_arithmetic(pole, order):
     """The innovations of the last two have a part of 1e-13 and less of the power."""
     model = Autoregression(tuple(np.poly([pole] * order).tolist()), 1.0)
     a = [Fraction(c) for c in model.a]
@@ -109,5 +109,5 @@ def test_inverse_covariance__smooth_noise__is_that_of_rational_arithmetic(pole, 
     x = [Fraction(3 * i * i - 7 * i + 2) for i in range(order)]
     inverse = exact_solution([[c[abs(i - j)] for j in range(order)] for i in range(order)], x)
     exact = float(sum(one * other for one, other in zip(x, inverse, strict=True)))
-    (found,) = model._inverse_covariance(np.array(x, float)[:, None])
+    (found,) = model._inverse_form(np.array(x, float)[:, None])
     assert found == pytest.approx(exact, rel=1e-4)

@@ -8,14 +8,15 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from brightgrey.estimation.problem.simulation_count import SimulationCount
-from brightgrey.kit import PAPER
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.kit import PAPER, function_set
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.refined_fit import Refined, RefinedFits, accurate, refine, whitening_by
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.parallel import thread_pool
 from brightgrey.search.policy import REFINEMENT
 from brightgrey.simulation.reference import reference
-from support.searches import task_of_arrays
+from support.searches import simulated_task, task_of_arrays
 
 DT, F_TANH = 0.002, 5.0
 TRUTH, VALUES = PAPER.parse("one_mass+coulomb+viscous"), {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
@@ -70,6 +71,17 @@ def test_refine__free_parameters_and_cost__those_of_the_fit(coloured):
     assert found.free == 3
     assert found.at_bound == ()
     assert found.cost == pytest.approx(float(task.problem(TRUTH).costs(values, accurate(task).settings)[0]), rel=1e-9)
+
+
+def test_refine__curved_valley__ends_at_the_optimum_however_many_rounds_that_takes():
+    """Friction of three kinds: what one has less of another has more of. Ten rounds end far above."""
+    structure = function_set().parse("one_mass+viscous+stribeck+gravity+directional_viscous")
+    values = {"J1": 0.024, "f_v": 0.064, "M_S": 2.2, "omega_S": 3.0, "M_G": -0.4, "f_d": 0.047}
+    task = simulated_task(str(structure), values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=2.0)
+    whitening = whitening_by(task, structure, values)
+    elsewhere = {**values, "f_v": 0.2, "M_S": 1.0, "omega_S": 10.0, "f_d": -0.05}
+    found, wanted = (refine(task, structure, begin, whitening, np.inf) for begin in (elsewhere, values))
+    assert found.deviance == pytest.approx(wanted.deviance, abs=0.2)  # chance makes more than that
 
 
 def test_refine__far_above_hopeless__stops_after_one_derivative(coloured):

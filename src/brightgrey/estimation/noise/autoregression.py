@@ -116,7 +116,6 @@ class Autoregression:
         log_variance : ndarray, shape (P,)
             Variance of the logarithm of `variance`. The coefficients scatter with ``variance R^-1 / samples``, where R
             is the Toeplitz matrix of p autocovariances, and move the spectrum at the frequencies of g.
-
         """
         n = len(g)
         length = _fast_length(2 * n)
@@ -126,10 +125,10 @@ class Autoregression:
         log_variance = np.full(g.shape[1], 2.0 / n)
         if self.order and self.variance > 0.0:
             slopes = -2.0 * _sums_over_frequencies(share / total / response[:, None], length)[1 : 1 + self.order]
-            log_variance = log_variance + self._inverse_covariance(slopes) / n
+            log_variance = log_variance + self._inverse_form(slopes) / n
         return total * self.variance * 2.0 / length, log_variance
 
-    def _inverse_covariance(self, x: Array) -> Array:
+    def _inverse_form(self, x: Array) -> Array:
         """Products x' R^-1 x, shape (P,), with the Toeplitz matrix R of p autocovariances at variance 1; x is (p, P).
 
         The predictors of all lower orders whiten what R colours (Levinson's recursion, downwards; Kay 1988, section

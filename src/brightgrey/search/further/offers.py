@@ -71,7 +71,7 @@ class OfferingSearch:
         self._asked_cost = np.inf  # of the best fit that was asked for exact friction
         self._model_error: dict[tuple[Structure, float], bool] = {}
         #: Costs beside which no multistart with one more effect was notable, by masses, kind and lattice.
-        self._without_bent: dict[tuple[int, bool, bool, tuple[Placed, ...]], float] = {}
+        self._in_vain: dict[tuple[int, bool, bool, tuple[Placed, ...]], float] = {}
         self._larger: dict[tuple[bool, Structure, float, tuple[Placed, ...]], StructureFit | None] = {}
 
     def offer_further(self, most_masses: int) -> bool:
@@ -197,7 +197,7 @@ class OfferingSearch:
                 break
             larger = self.larger_than(reached)
             if larger is None and (reached is own or own.structure.masses == self.anchors[0].masses):
-                larger = self.larger_than(reached, bent=True)  # multistarts are cheap with the fewest masses only
+                larger = self.larger_than(reached, multistart=True)  # multistarts are cheap with the fewest masses only
             if larger is None:
                 break
             reached = larger
@@ -207,11 +207,11 @@ class OfferingSearch:
         enough = own.cost - reached.cost >= FURTHER.rescued_share * (own.cost - best.cost)
         return reached if enough and reached.cost < least_rival_cost(taken, self.fits.done) else None
 
-    def larger_than(self, own: StructureFit, *, bent: bool = False) -> StructureFit | None:
-        """A fit with one more effect, by multistart if a bent one is asked for; each is made once."""
-        known = bent, own.structure, own.cost, self.lattice.atoms
+    def larger_than(self, own: StructureFit, *, multistart: bool = False) -> StructureFit | None:
+        """A fit with one more effect, or one that only a multistart finds if asked for; each is made once."""
+        known = multistart, own.structure, own.cost, self.lattice.atoms
         if known not in self._larger:
-            self._larger[known] = self.by_multistart(own) if bent else self.with_one_more(own)
+            self._larger[known] = self.by_multistart(own) if multistart else self.with_one_more(own)
         return self._larger[known]
 
     def with_one_more(self, own: StructureFit) -> StructureFit | None:
@@ -249,7 +249,7 @@ class OfferingSearch:
         """
         structure = own.structure
         asked = structure.masses, structure.has_hard_limit, structure.may_be_unstable, self.lattice.atoms
-        if abs(own.cost - self._without_bent.get(asked, np.inf)) <= FURTHER.notable_gain * own.cost:
+        if abs(own.cost - self._in_vain.get(asked, np.inf)) <= FURTHER.notable_gain * own.cost:
             return None
         is_tried = is_spring if structure.may_be_unstable else is_bent
         some = [p for p in self.more if is_tried(p)]
@@ -258,7 +258,7 @@ class OfferingSearch:
             steady = self.steady(own, self.fits.tried([_with_effect(own, f)], self.executor))
             if steady:
                 return steady[0]
-        self._without_bent[asked] = own.cost
+        self._in_vain[asked] = own.cost
         return None
 
     def steady(self, own: StructureFit, larger: Sequence[StructureFit]) -> list[StructureFit]:
@@ -286,7 +286,8 @@ class OfferingSearch:
         """
         if effective_samples_of(self.task, own) > SELECTION.few_samples:
             return False
-        found = [fit for bent in (False, True) if (fit := self.larger_than(own, bent=bent)) is not None]
+        fits = [self.larger_than(own, multistart=multistart) for multistart in (False, True)]
+        found = [fit for fit in fits if fit is not None]
         return bool(found) and self.is_beyond_chance(own, min(found, key=lambda fit: fit.cost), len(self.more))
 
     def is_beyond_chance(self, own: StructureFit, larger: StructureFit, tried: int) -> bool:
@@ -347,7 +348,7 @@ class OfferingSearch:
         self.least_cost = np.inf  # that with a width, or with fewer samples, may have been less
         self.restarts.clear()
         self._larger.clear()
-        self._without_bent.clear()
+        self._in_vain.clear()
 
     def is_explained(self, fitted: StructureFit | None = None) -> bool:
         """True if the residual of a fit, the best by default, is white or no larger than known errors."""

@@ -55,6 +55,8 @@ class LatticeEvaluator:
     seed : int
     generations : int
         Number of the last generation, after which missed optima are looked for.
+    holds_back : bool
+        True if the grammar holds effects back, which individuals may have.
 
     Attributes
     ----------
@@ -75,10 +77,12 @@ class LatticeEvaluator:
         options: Options | None = None,
         seed: int = 0,
         generations: int = 0,
+        holds_back: bool = False,
     ) -> None:
         self.fits = FitTable(task, structures, options=options, seed=seed, should_refit=self.can_still_win)
         self.improved, self.share = tuple[Structure, ...](), 1.0
-        self._executor, self._criterion, self._generations = executor, criterion, generations
+        self._executor, self._criterion = executor, criterion
+        self._generations, self._holds_back = generations, holds_back
         self._weights = task.problem(structures[0]).weights
         self._error_floor = float(task.error_floor(self._weights, FAST_LEVEL_ACCURACY).sum())
         self._free: dict[Structure, int] = {}
@@ -216,12 +220,11 @@ class LatticeEvaluator:
     def _restart_generations(self) -> set[int]:
         """Generations after which missed optima are looked for: early ones, too, since they say which structures lose.
 
-        Within narrow ranges little is missed, and the search is made after the last generation only. So it is once
-        structures with effects that the grammar holds back were bred: few of so many contain one another, and hardly
-        any is known to lose.
+        Within narrow ranges little is missed, and the search is made after the last generation only. So it is where the
+        grammar holds effects back: few of so many structures contain one another, and hardly any is known to lose.
         """
-        last, beyond = self._generations, not self.fits.done.keys() <= set(self.fits.structures)
-        if self.narrow or beyond:
+        last = self._generations
+        if self.narrow or self._holds_back:
             return {last}
         return {last, *(max(1, last // part) for part in HEURISTICS.early_restarts)}
 

@@ -55,7 +55,14 @@ def genetic_search(
         if settings.start_from == "neighbours":
             structures, last = tuple(grammar.structures()), settings.generations
             evaluator = LatticeEvaluator(
-                task, structures, pool, judge, options=settings.options, seed=seed, generations=last
+                task,
+                structures,
+                pool,
+                judge,
+                options=settings.options,
+                seed=seed,
+                generations=last,
+                holds_back=bool(grammar.further),
             )
         else:
             chosen = identify or estimator(settings.estimator, task, settings.iterations, settings.stall_polls)
