@@ -11,6 +11,7 @@ from numpy.fft import irfft, rfft
 from brightgrey.arrays import Array
 from brightgrey.estimation.noise.orthonormal_basis import orthonormal_basis
 from brightgrey.estimation.problem.segments import split_segments
+from brightgrey.numerics.digital_filter import lfilter
 
 __all__ = [
     "Autoregression",
@@ -32,10 +33,7 @@ class _Policy:
     relative_variance_floor: float = 1e-14
     covariance_floor: float = 1e-12  #: The same, found from autocovariances, whose rounding it amplifies.
     direct_lags: int = 64  #: Up to so many lags, sums lag by lag are faster than a Fourier transform.
-    spectrum_length: int = 2  #: Length of a spectrum at first, in lags of an autocovariance.
-    longest_spectrum: int = 2**22  #: Its largest length.
-    #: Largest relative change of the variance by a spectrum twice as long: what wraps around has decayed.
-    wrapped: float = 1e-3
+    lags_at_once: int = 2**16  #: Lags of a block of an autocovariance; a filter takes memory for them times the order.
 
 
 POLICY = _Policy()
@@ -70,19 +68,34 @@ class Autoregression:
         return len(self.a) - 1
 
     def autocovariance(self, count: int) -> Array:
-        """Autocovariance of e at lags 0 to ``count - 1``."""
-        length = _fast_length(POLICY.spectrum_length * max(count, len(self.a)))
-        c = self._wrapped_autocovariance(length)
-        while 2 * length <= POLICY.longest_spectrum:
-            shorter, length = c, _fast_length(2 * length)
-            c = self._wrapped_autocovariance(length)
-            if abs(c[0] - shorter[0]) <= POLICY.wrapped * c[0]:
-                break
-        return np.asarray(c[:count])
+        """Autocovariance of e at lags 0 to ``count - 1`` (Yule-Walker equations; Kay 1988, section 6.3)."""
+        a, p, predictors = np.array(self.a), self.order, self._predictors()
+        power = self.variance / float(np.prod([share for _, share in predictors]))
+        c = np.zeros(max(count, p + 1))
+        c[0] = power
+        for m in range(p):
+            (lower, _), (higher, share) = predictors[m : m + 2]
+            c[m + 1] = -higher[-1] * power - lower[1:] @ c[m:0:-1]
+            power *= share
+        for first in range(p + 1, count, POLICY.lags_at_once) if p else ():
+            # Without noise a model goes on from its past: from rest, what this past adds later on is its input.
+            past = np.convolve(a[1:], c[first - p : first])[p - 1 :]
+            driven = np.zeros(max(min(POLICY.lags_at_once, count - first), p))
+            driven[:p] = -past
+            c[first : first + len(driven)] = lfilter([1.0], a, driven)[: count - first]
+        return np.clip(c[:count], -c[0], c[0])
 
-    def _wrapped_autocovariance(self, length: int) -> Array:
-        """Autocovariance by a spectrum of so many points; what has not decayed by then wraps around."""
-        return np.asarray(irfft(self.variance / np.abs(rfft(self.a, length)) ** 2, length))
+    def _predictors(self) -> list[tuple[Array, float]]:
+        """Coefficients of the best predictors of orders 0 to p, and the part of the variance that each order leaves.
+
+        This is Levinson's recursion, downwards (Kay 1988, section 6.3).
+        """
+        a, found = np.array(self.a), []
+        while len(a) > 1:
+            left = max(1.0 - a[-1] ** 2, POLICY.relative_variance_floor)
+            found.append((a, left))
+            a = ((a - a[-1] * a[::-1]) / left)[:-1]
+        return [(a, 1.0), *found[::-1]]
 
     def effective_samples_mean(self, samples: int) -> float:
         """Number of independent samples whose mean has the variance of the mean of `samples` of this noise.
@@ -131,14 +144,14 @@ class Autoregression:
     def _inverse_form(self, x: Array) -> Array:
         """Products x' R^-1 x, shape (P,), with the Toeplitz matrix R of p autocovariances at variance 1; x is (p, P).
 
-        The predictors of all lower orders whiten what R colours (Levinson's recursion, downwards; Kay 1988, section
-        6.3). So the product is a sum of squares, which does not cancel where the noise is smooth.
+        The predictors of all lower orders whiten what R colours. So the product is a sum of squares, which does not
+        cancel where the noise is smooth.
         """
-        a, share, total = np.array(self.a), 1.0, np.zeros(x.shape[1])
-        while len(a) > 1:
-            left = max(1.0 - a[-1] ** 2, POLICY.relative_variance_floor)
-            a, share = ((a - a[-1] * a[::-1]) / left)[:-1], share * left
+        *lower, (_, share) = self._predictors()
+        total = np.zeros(x.shape[1])
+        for a, of_lower in reversed(lower):
             total += share * (a[::-1] @ x[: len(a)]) ** 2
+            share *= of_lower
         return total
 
 
