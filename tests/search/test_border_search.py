@@ -31,7 +31,8 @@ VALUES = {
 }
 
 
-@pytest.mark.parametrize(("seed", "torque"), [(4, 1.0), pytest.param(5, 0.5, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize(("seed", "torque"), [(4, 1.0), (5, 0.5)])
 def test_run__four_masses_that_single_batches_miss__patient_multistarts_find_them(seed, torque):
     truth = PAPER.parse("four_mass+viscous+gravity+delay")
     offered = {*truth.names, "one_mass", "two_mass", "three_mass", "current_control"}

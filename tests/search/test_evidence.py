@@ -294,6 +294,7 @@ def test_evidence__alternatives_within_accuracy__all_minimal():
     assert {str(j.structure) for j in found.minimal} == {"one_mass+delay", "one_mass+current_control"}
 
 
+@pytest.mark.long
 @pytest.mark.xfail(strict=True, reason="without noise, the colour of a poor minimal structure hides the better one")
 def test_evidence__much_better_alternative__not_minimal():
     """Though neither contains the other: its lag, which its bound keeps, is what all that contain it have, too."""

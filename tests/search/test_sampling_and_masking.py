@@ -41,6 +41,7 @@ def test_evidence__zero_order_hold__delay_is_sampling():
     assert not any("sampling" in c.reason for c in told_so.values())
 
 
+@pytest.mark.long
 def test_evidence__differenced_velocity__delay_is_sampling():
     q = reference(TRUTH, RIGID, REVERSING, DT, f_tanh=F_TANH, outputs=["position"]).reshape(-1)
     q = np.round(q / 1e-4) * 1e-4

@@ -87,6 +87,7 @@ def test_a_fleet_of_fifty(tmp_path, seed):
     check(tmp_path, tmp_path / "out", 50, broken, different)
 
 
+@pytest.mark.long
 def test_a_searched_fleet_is_compared_by_the_structure_found_most_often(tmp_path):
     manifest = build(tmp_path, 4, (), {}, seed=3)
     rows = manifest.read_text().splitlines()

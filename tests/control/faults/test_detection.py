@@ -44,7 +44,11 @@ def test_fault_groups__of_all_effects__are_the_declared_faults():
 
 
 @pytest.mark.parametrize(
-    ("text", "faults"), [(PLAIN, (None, "friction", "load")), (GAP, (None, "friction", "load", "backlash"))]
+    ("text", "faults"),
+    [
+        pytest.param(PLAIN, (None, "friction", "load"), marks=pytest.mark.long),
+        (GAP, (None, "friction", "load", "backlash")),
+    ],
 )
 def test_detect_faults__one_fault__reports_this_fault_only(text, faults):
     cases = [case_of(text, 11, **(broken(text, guilty) if guilty else {})) for guilty in faults]

@@ -36,6 +36,7 @@ def on_stiff_shaft():
     return decision("two_mass+coulomb+viscous+ground_spring@2", VALUES | SPRING)
 
 
+@pytest.mark.long
 def test_ground_spring_on_a_stiff_shaft__neither_place_is_needed(on_stiff_shaft):
     certificate = on_stiff_shaft.evidence.certificate
     said = {**verdicts(on_stiff_shaft), **certificate.held_back}

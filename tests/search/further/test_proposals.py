@@ -164,6 +164,7 @@ def test_decide__shaft_that_hardens__takes_the_place_of_a_gap():
     assert [str(m.structure) for m in found.evidence.minimal] == ["two_mass+coulomb+viscous+cubic_spring"]
 
 
+@pytest.mark.long
 def test_decide__gap__no_shaft_that_hardens():
     task = recorded("two_mass+coulomb+viscous", {"backlash": {"alpha": 0.02}})
     excluded = ("three_mass", "four_mass", "current_control", "delay", "stribeck", "gravity")

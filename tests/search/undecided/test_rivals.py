@@ -95,6 +95,7 @@ def rivals_of(found, truth, values, *further, noise=0.001, with_model_error=True
     return [str(r.structure) for r in rivals]
 
 
+@pytest.mark.long
 def test_rivals_beyond__load_at_the_other_mass__takes_the_constant_load_over():
     """At its own mass it is a pendulum alone, whose period lies far from that which it has beside gravity."""
     values = {"J1": 0.0085, "J2": 0.0066, "c1": 147.0, "d1": 0.027, "M_C@2": 3.9, "G": 0.18, "k": 0.165, "phi_0": -1.5}
@@ -187,6 +188,7 @@ def test_spring__position_dependent_load_is_its_rival__is_not_needed_for_sure():
     assert verdicts(found)["ground_spring"] == "not decidable"
 
 
+@pytest.mark.long
 def test_constant_load_and_spring__spring_held_at_a_value_that_fits_nothing__are_no_rival():
     assert minimal(beside_position_dependent_load(fixed={"c_g": 5.0})[1]) == ["one_mass+viscous+pendulum"]
 

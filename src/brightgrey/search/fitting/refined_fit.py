@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -22,7 +22,9 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Placed, Structure, slowest_resonance
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.structure_fit import StructureFit
-from brightgrey.search.parallel import in_order
+from brightgrey.search.fitting.warm_start import handed_down
+from brightgrey.search.lattice import complexity, minimal_supermodels
+from brightgrey.search.parallel import in_dependency_order, in_order
 from brightgrey.search.policy import BORDER, REFINEMENT
 from brightgrey.search.task import IdentificationTask
 
@@ -187,6 +189,31 @@ def refine(
     )
 
 
+def refine_from_larger(
+    task: IdentificationTask,
+    own: Refined,
+    larger: Refined,
+    whitening: ResidualFilter,
+    hopeless: float,
+    material_growth: float,
+) -> Refined | None:
+    """Fit anew from the optimum of a larger structure, if that leaves less as it is; None if it does not.
+
+    The larger one may hardly use what it has more. The other parameters as in `refine`.
+    """
+    problem, space = task.problem_and_space(own.structure)
+    starts = handed_down(larger.values, None, larger.structure, own.structure, space)
+    given = [[values.get(n, v) for n, v in zip(space.names, space.start, strict=True)] for values in starts]
+    tried = np.clip(np.array(given).T, space.low[:, None], space.high[:, None])
+    residuals = problem.residuals(space.named(tried), accurate(task).settings)
+    deviances = np.square(whitening.whiten(residuals)).sum(axis=0) + whitening.floor_deviance
+    best = int(np.argmin(deviances))
+    if not deviances[best] < own.deviance - REFINEMENT.negligible:
+        return None
+    values = {**own.values, **dict(zip(space.names, tried[:, best].tolist(), strict=True))}
+    return refine(task, own.structure, values, whitening, hopeless, material_growth)
+
+
 def _steps(theta: Array, normal: NormalEquations, scale: Array, factors: Array, space: ParameterSpace) -> Array:
     """Steps of one fit with several damping factors, shape (factors, P)."""
     if not len(theta):
@@ -217,6 +244,7 @@ class RefinedFits:
         self._beyond: dict[Structure, Refined] = {}
         self._jacobians: dict[Structure, tuple[Refined, tuple[Array, Array, tuple[int, ...]]]] = {}
         self._starts: dict[Structure, Mapping[str, float]] = {}
+        self._handed: set[tuple[Structure, Structure, float]] = set()
         self._whitening: Whitening | None = None
         self.material_growth = 0.0
 
@@ -239,6 +267,7 @@ class RefinedFits:
         starts = {s: r.values for s, (_, r) in self._refined.items()}
         self._refined.clear()
         self._beyond.clear()
+        self._handed.clear()
         self._starts = starts
 
     def adopt(self, refined: Refined) -> None:
@@ -259,7 +288,9 @@ class RefinedFits:
             stale = [f for f in stale if self._is_stale(f)]
         if stale:
             least = min(r.deviance for _, r in self._refined.values())
-            self._refine(stale, least + BORDER.far * threshold(least))
+            hopeless = least + BORDER.far * threshold(least)
+            self._refine(stale, hopeless)
+            self._hand_down(hopeless)
         return {s: r for s, (_, r) in self._refined.items()}
 
     def of(self, structure: Structure) -> Refined:
@@ -300,6 +331,30 @@ class RefinedFits:
     def _is_stale(self, fitted: StructureFit) -> bool:
         known = self._refined.get(fitted.structure)
         return known is None or known[0] > fitted.cost
+
+    def _hand_down(self, hopeless: float) -> None:
+        """Fit structures anew from the optima of larger ones, where those leave less without what they have more.
+
+        The optimum of the plain cost from which a structure began may lie far from that of the whitened one.
+        """
+        falling = sorted(self._refined, key=complexity, reverse=True)
+        around = {s: minimal_supermodels(s, falling) for s in falling}
+
+        def call(s: Structure) -> tuple[Any, ...] | None:
+            own = self._refined[s][1]
+            larger = min((self._refined[t][1] for t in around[s]), key=lambda r: r.deviance, default=own)
+            offer = s, larger.structure, larger.deviance
+            if offer in self._handed or larger.deviance > own.deviance - REFINEMENT.negligible:
+                return None
+            self._handed.add(offer)
+            return refine_from_larger, self.task, own, larger, self.whitening, hopeless, self.material_growth
+
+        def take(s: Structure, found: Refined | None) -> None:
+            cost, known = self._refined[s]
+            if found is not None and found.deviance < known.deviance:
+                self._refined[s] = cost, found
+
+        in_dependency_order(self._executor, falling, around.__getitem__, call, take)
 
     def _refine(self, fitted: Sequence[StructureFit], hopeless: float) -> None:
         calls = []
