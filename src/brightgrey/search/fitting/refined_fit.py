@@ -360,7 +360,10 @@ class RefinedFits:
         calls = []
         for f in fitted:
             known = self._refined.get(f.structure)
-            start = self._starts.get(f.structure, f.values) if known is None else f.values
+            if known is None:
+                start = self._starts.get(f.structure, f.values)
+            else:  # a better one of the table, or where it was given up
+                start = f.values if self._is_stale(f) else known[1].values
             calls.append((self.task, f.structure, start, self.whitening, hopeless, self.material_growth))
         for f, found in zip(fitted, in_order(self._executor, refine, calls), strict=True):
             known = self._refined.get(f.structure)
