@@ -16,7 +16,7 @@ import numpy as np
 from brightgrey.arrays import positive
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Structure
-from brightgrey.search.adequacy import Deviance, Round, material_growth
+from brightgrey.search.adequacy import Deviance, Round
 from brightgrey.search.border import Border, Refutation, assess, joint, shrunk
 from brightgrey.search.criteria import bic
 from brightgrey.search.fitting.anchors import hard_limits, largest_by_masses, linear_beside_masses, mass_masks
@@ -113,7 +113,7 @@ class BorderSearch(OfferingSearch):
         if self.refined.task is not self.task:  # friction has become exact, or samples were added
             self.refined = RefinedFits(self.task, self.fits, self.executor)
         for _ in range(self.policy.rounds):
-            self.refined.begin_round(reference, material_growth(model_error=self.has_model_error()))
+            self.refined.begin_round(reference, model_error=self.has_model_error())
             border = self.decide()
             statuses = {m: m in border.adequate for m in self.deviances()}
             if last is not None:

@@ -107,7 +107,7 @@ def test_simplifies__minimal_structure_itself_explains_more__only_of_exact_frict
     fits = FitTable(task, [STRUCTURE])
     fits.done[STRUCTURE] = found
     refined = RefinedFits(task, fits, InlineExecutor())
-    refined.begin_round(STRUCTURE, NOTABLE)
+    refined.begin_round(STRUCTURE, model_error=True)
     lattice = Lattice.of(PAPER, [n for n in STRUCTURE.names if n != "one_mass"], ["two_mass"])  # no effect of it can go
     assert simplifies(refined, lattice, STRUCTURE, lambda free: 0.0) == simpler
 

@@ -9,7 +9,6 @@ import pytest
 from brightgrey.api.to_si import identification_task
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
-from brightgrey.search.adequacy import material_growth
 from brightgrey.search.border import Refutation, assess
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.evidence import EffectVerdict, with_model
@@ -33,7 +32,7 @@ def searched(recording):
     with ThreadPoolExecutor(1) as workers:
         search = BorderSearch(task, LATTICE, workers)
         search.fits.add([LATTICE.structure(mask) for mask in LATTICE.masks()], workers)
-        search.refined.begin_round(WITH_GRAVITY, material_growth(model_error=False))
+        search.refined.begin_round(WITH_GRAVITY)
         search.refined.of_all(list(search.fits.done))
         return search.refined, LATTICE, assess(search.deviances(), search.round)
 

@@ -20,6 +20,7 @@ from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Placed, Structure, slowest_resonance
+from brightgrey.search import adequacy
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.fitting.warm_start import handed_down
@@ -246,7 +247,7 @@ class RefinedFits:
         self._starts: dict[Structure, Mapping[str, float]] = {}
         self._handed: set[tuple[Structure, Structure, float]] = set()
         self._whitening: Whitening | None = None
-        self.material_growth = 0.0
+        self.model_error = False
 
     @property
     def whitening(self) -> Whitening:
@@ -255,12 +256,17 @@ class RefinedFits:
             raise RuntimeError("begin_round comes first")
         return self._whitening
 
-    def begin_round(self, reference: Structure, material_growth: float = 0.0) -> None:
+    @property
+    def material_growth(self) -> float:
+        """Growth of a deviance in this round, as a part of it, that does not matter."""
+        return adequacy.material_growth(model_error=self.model_error)
+
+    def begin_round(self, reference: Structure, *, model_error: bool = False) -> None:
         """Whiten by the residuals of a structure from now on; all deviances are new.
 
-        The growth of a deviance that does not matter says how exact they have to be.
+        With model error no optimum is the truth. Deviances need not be as exact then, and optima are not handed down.
         """
-        self.material_growth = material_growth
+        self.model_error = model_error
         known = self._refined.get(reference)
         values = known[1].values if known else self.fits.done[reference].values
         self._whitening = whitening_by(self.task, reference, values)
@@ -290,7 +296,8 @@ class RefinedFits:
             least = min(r.deviance for _, r in self._refined.values())
             hopeless = least + BORDER.far * threshold(least)
             self._refine(stale, hopeless)
-            self._hand_down(hopeless)
+            if not self.model_error:
+                self._hand_down(hopeless)
         return {s: r for s, (_, r) in self._refined.items()}
 
     def of(self, structure: Structure) -> Refined:
