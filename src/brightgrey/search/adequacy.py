@@ -15,7 +15,7 @@ from brightgrey.numerics.distributions import chi2
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.policy import SELECTION, SelectionPolicy
 
-__all__ = ["Deviance", "Round", "material_growth"]
+__all__ = ["Deviance", "Round", "gained_by_chance", "material_growth"]
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,11 @@ class Deviance:
     value: float  #: Whitened sum of squared residuals, noise of variance 1.
     free: int  #: Number of estimated parameters.
     masses: int  #: Number of masses.
+
+
+def gained_by_chance(parameters: int, tests: float = 1.0, policy: SelectionPolicy = SELECTION) -> float:
+    """Deviance that further parameters gain by chance, at a level that several tests share; at least one counts."""
+    return float(chi2.isf(policy.false_alarm_level / tests, max(parameters, 1)))
 
 
 def material_growth(*, model_error: bool, policy: SelectionPolicy = SELECTION) -> float:
@@ -67,7 +72,7 @@ class Round:
         among : int
             Number of effects that were tried, of which the best is taken; at least one counts.
         """
-        return self._quantile(parameters, max(among, 1) * self.policy.resonances**masses)
+        return gained_by_chance(parameters, max(among, 1) * self.policy.resonances**masses, self.policy)
 
     def by_chance(self, parameters: int = 1) -> float:
         """Deviance that further parameters gain by chance, or that errors of simulation and sensor may cause."""
@@ -90,7 +95,7 @@ class Round:
         further = max(most_masses - masses, 0)
         shares = [0.5 ** (n - masses) for n in self.most_free if n >= most_masses - further]
         tests = sum(shares) / 0.5 ** (most_masses - masses) * self.policy.resonances**further
-        return self._quantile(self.most_free[most_masses] - free, tests)
+        return gained_by_chance(self.most_free[most_masses] - free, tests, self.policy)
 
     def least(self, table: Collection[Deviance]) -> dict[int, float]:
         """Least deviance of the structures with so many masses at most, by masses."""
@@ -123,6 +128,3 @@ class Round:
 
     def _allowed(self, chance: float, least: float) -> float:
         return max(chance, self.material_growth * least, self.error_floor)
-
-    def _quantile(self, parameters: int, tests: float) -> float:
-        return float(chi2.isf(self.policy.false_alarm_level / tests, max(parameters, 1)))

@@ -118,6 +118,27 @@ def test_refined_fits__hopeless_fit__made_exact_when_it_is_asked_for(coloured):
     assert (jacobian.shape, inside) == ((residual.size, 3), (0, 1, 2))
 
 
+@pytest.mark.parametrize(("f_v", "tells"), [(0.004, True), (0.0, False)])
+def test_refined_fits__redundant_in_the_plain_cost__counts_if_the_whitened_one_shows_it(f_v, tells):
+    values = {"J1": 0.014, "M_C": 0.3, "f_v": f_v}
+    texts = ("one_mass+coulomb", "one_mass+coulomb+viscous", "one_mass+coulomb+viscous+gravity")
+    without, own, larger = map(PAPER.parse, texts)
+    task = simulated_task(str(own), values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=200.0)
+    with thread_pool(None) as workers:
+        fits = FitTable(task, [without, own, larger])
+        fits.add([without, larger], workers)
+        known = fits.done[without]
+        redundant = {**known.values, "f_v": 1e-3}
+        fits.done[own] = replace(known, structure=own, values=redundant, redundant_effects=("viscous",), equals=without)
+        refined = RefinedFits(task, fits, workers)
+        refined.begin_round(larger)
+        found = refined.all(lambda least: np.inf)
+    assert (own in found) == tells
+    if tells:
+        assert found[own].deviance < found[larger].deviance + 10.0 < found[without].deviance
+        assert found[own].values["f_v"] == pytest.approx(f_v, rel=0.1)
+
+
 @pytest.mark.parametrize("model_error", [False, True])
 def test_refined_fits__ended_beside_the_optimum_of_a_larger_one__is_fitted_from_there(model_error):
     """A shaft that is far too stiff is a local optimum. The larger structure has friction that it hardly uses."""

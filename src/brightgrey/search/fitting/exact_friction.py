@@ -17,12 +17,12 @@ import numpy as np
 from brightgrey.estimation.optimisation.least_squares import fit_many
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.kit import Structure
-from brightgrey.numerics.distributions import chi2
+from brightgrey.search.adequacy import gained_by_chance
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.refined_fit import RefinedFits, refine, whitening_by
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.lattice import Lattice
-from brightgrey.search.policy import REFIT, SELECTION
+from brightgrey.search.policy import REFIT
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["refit_all", "reverses_at_once", "simplifies"]
@@ -51,7 +51,7 @@ def reverses_at_once(task: IdentificationTask, fitted: StructureFit, growth: flo
     whitening = whitening_by(at_once, structure, values)
     exact = refine(at_once, structure, values, whitening, np.inf, growth)
     smooth = refine(task, structure, fitted.values, whitening, np.inf, growth)
-    chance = float(chi2.isf(SELECTION.false_alarm_level, 1))
+    chance = gained_by_chance(1)
     return exact.deviance + max(chance, growth * exact.deviance) < smooth.deviance
 
 
@@ -82,7 +82,7 @@ def simplifies(refined: RefinedFits, lattice: Lattice, structure: Structure, by_
         values = _values_below(at_once, smaller, refined.of(smaller).values, REFIT.compared_below * own.cost)
         if values is not None:
             free = len(at_once.space(smaller, nuisances=True).names)
-            smooth = refined.of(smaller).deviance - float(chi2.isf(SELECTION.false_alarm_level, 1))
+            smooth = refined.of(smaller).deviance - gained_by_chance(1)
             enough = min(own.deviance + by_chance(own.free - free), smooth)
             if refine(at_once, smaller, values, refined.whitening, enough).deviance <= enough:
                 return True

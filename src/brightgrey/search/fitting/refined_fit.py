@@ -270,18 +270,17 @@ class RefinedFits:
         known = self._refined.get(reference)
         values = known[1].values if known else self.fits.done[reference].values
         self._whitening = whitening_by(self.task, reference, values)
-        starts = {s: r.values for s, (_, r) in self._refined.items()}
+        self._starts = {s: r.values for s, (_, r) in self._refined.items()}
         self._refined.clear()
         self._beyond.clear()
         self._handed.clear()
-        self._starts = starts
 
     def adopt(self, refined: Refined) -> None:
         """Keep a refined fit of a structure that has no place in the table, until the round ends."""
         self._beyond[refined.structure] = refined
 
     def all(self, threshold: Callable[[float], float]) -> dict[Structure, Refined]:
-        """Refined fits of all structures of the table that have no redundant effects.
+        """Refined fits of all structures of the table but those that have redundant effects in the whitened cost, too.
 
         Parameters
         ----------
@@ -289,15 +288,14 @@ class RefinedFits:
             Of the least deviance: what exceeds it by several times as much does not matter.
         """
         stale = [f for s, f in self.fits.done.items() if not f.redundant_effects and self._is_stale(f)]
-        if stale and not self._refined:
+        if not self._refined:
             self._refine([min(stale, key=lambda f: f.cost)], np.inf)
-            stale = [f for f in stale if self._is_stale(f)]
-        if stale:
-            least = min(r.deviance for _, r in self._refined.values())
-            hopeless = least + BORDER.far * threshold(least)
-            self._refine(stale, hopeless)
-            if not self.model_error:
-                self._hand_down(hopeless)
+        least = min(r.deviance for _, r in self._refined.values())
+        hopeless = least + BORDER.far * threshold(least)
+        self._refine([f for f in stale if self._is_stale(f)], hopeless)
+        if not self.model_error:
+            self._hand_down(hopeless)
+            self._refine_redundant(least, hopeless)
         return {s: r for s, (_, r) in self._refined.items()}
 
     def of(self, structure: Structure) -> Refined:
@@ -338,6 +336,24 @@ class RefinedFits:
     def _is_stale(self, fitted: StructureFit) -> bool:
         known = self._refined.get(fitted.structure)
         return known is None or known[0] > fitted.cost
+
+    def _refine_redundant(self, least: float, hopeless: float) -> None:
+        """Fit structures with effects that explain nothing in the plain cost: they may in the whitened one.
+
+        That matters where more is left without them than chance explains.
+        """
+        asked, enough = [], least + adequacy.gained_by_chance(1)
+        for s, f in self.fits.done.items():
+            if f.equals in self._refined and s not in self._refined:
+                without = self._refined[f.equals][1]
+                offer = s, f.equals, without.deviance
+                if without.finished and without.deviance > enough and offer not in self._handed:
+                    asked.append((f, without, self._starts.get(s, {**f.values, **without.values})))
+                    self._handed.add(offer)
+        calls = [(self.task, f.structure, v, self.whitening, hopeless, self.material_growth) for f, _, v in asked]
+        for (f, without, _), found in zip(asked, in_order(self._executor, refine, calls), strict=True):
+            if found.deviance < without.deviance - adequacy.gained_by_chance(found.free - without.free):
+                self._refined[f.structure] = f.cost, found
 
     def _hand_down(self, hopeless: float) -> None:
         """Fit structures anew from the optima of larger ones, where those leave less without what they have more.
