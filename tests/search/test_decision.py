@@ -179,3 +179,16 @@ def test_sought_anew__far_from_its_optimum__is_found_if_it_lacks_a_part_of_the_m
     assert _sought_anew(search, first, [structures[minimal]]) == sought
     assert (search.fits.done[first].cost <= 1.001 * found.cost) == sought
     assert not _sought_anew(search, first, [structures[minimal]])  # once is enough
+
+
+def test_optima__effect_that_the_plain_cost_does_not_show__has_the_values_of_its_whitened_fit(found):
+    """Redundant in the plain cost, it stands beside the optimum without it, unless the whitened cost shows it."""
+    own, without = PAPER.parse("one_mass+coulomb+viscous"), PAPER.parse("one_mass+coulomb")
+    known, refined = found.fitted[own], found.evidence.refined[own]
+    redundant = replace(known, values={**known.values, "f_v": 7.0}, redundant_effects=("viscous",), equals=without)
+    apart = replace(refined, structure=without, values={"J1": 0.02, "M_C": 3.0})
+    for fits, viscous, coulomb in (({without: apart}, 7.0, 3.0), ({without: apart, own: refined}, 0.02, 1.0)):
+        evidence = replace(found.evidence, refined=fits)
+        optimum = replace(found, evidence=evidence, fitted={own: redundant}).optima[own]
+        assert optimum["f_v"] == pytest.approx(viscous, rel=0.2)
+        assert optimum["M_C"] == pytest.approx(coulomb, rel=0.2)

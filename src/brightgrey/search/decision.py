@@ -57,7 +57,7 @@ class Decision:
         found: dict[Structure, Mapping[str, float]] = {}
         for s, f in self.fitted.items():
             if np.isfinite(f.cost):
-                own = refined.get(f.equals or s)
+                own = refined.get(s if s in refined else f.equals or s)
                 found[s] = {**f.values, **own.values} if own else f.values
         return found
 

@@ -52,8 +52,9 @@ def ranking_of(search: BorderSearch, task: IdentificationTask, evidence: Evidenc
     samples = sum(r.y.size for r in search.task.recordings)
     shown, calls = {}, []
     for s, f in fitted.items():
-        own = f.equals or s  # the values of redundant effects would spoil the misfit
-        refined = evidence.refined.get(own) if evidence else None
+        known = evidence.refined if evidence else {}
+        own = s if s in known else f.equals or s  # the values of redundant effects would spoil the misfit
+        refined = known.get(own)
         shown[s] = own, refined
         calls.append((task, own, dict(refined.values if refined else fitted[own].values)))
     # a search that was stopped has an executor that takes no more calls
