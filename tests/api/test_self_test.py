@@ -72,6 +72,7 @@ def test_selftest__whole_identifications__say_the_same_of_an_easy_drive(result, 
     assert not any("fast" in sentence for sentence in whole.sentences)
 
 
+@pytest.mark.long
 def test_selftest__effect_at_the_edge_of_significance__verdict_is_fragile(tmp_path):
     # Gravity of three standard deviations: the test at 2 % finds it in P(z > 2.33 - 3) = 75 % of the draws.
     values = {"J1": 0.02, "M_C": 1.0, "f_v": 0.02, "M_G": 0.0055}

@@ -76,6 +76,7 @@ def arm(tmp_path):
     return path
 
 
+@pytest.mark.long
 def test_control__position_dependent_load__gives_a_cascade_and_says_why_no_state_feedback(call, arm):
     done = call("control", arm, "--torque", "5", "--json")
     assert done.code == 0, done.err
@@ -102,10 +103,11 @@ SECOND = {"J2": 0.06, "c1": 300.0, "d1": 0.1, "f_v": 0.01}
             4,
             marks=pytest.mark.long,
         ),
-        (
+        pytest.param(
             "two_mass+viscous+pendulum+pendulum@2",
             {**SECOND, "G": 1.0, "k": 1.0, "phi_0": 0.0, "G@2": 1.0, "k@2": 1.0, "phi_0@2": 0.0},
             2,
+            marks=pytest.mark.long,
         ),
     ],
 )

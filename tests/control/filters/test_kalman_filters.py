@@ -109,7 +109,7 @@ EXACT = replace(SETTINGS, f_tanh=math.inf)
     [
         ("two_mass+coulomb+viscous+stribeck+gravity", extended_kalman_filter, 2),
         ("two_mass+coulomb+viscous+stribeck+gravity", unscented_kalman_filter, 1),
-        ("two_mass+coulomb+viscous+backlash", gaussian_sum_filter, 1),
+        pytest.param("two_mass+coulomb+viscous+backlash", gaussian_sum_filter, 1, marks=pytest.mark.long),
     ],
 )
 def test_filters__exact_friction__are_consistent_in_reversals_and_at_rest(text, run, seeds):

@@ -196,6 +196,7 @@ def test_decide__more_masses_required_than_would_be_offered__are_there():
         decide_structures(task, grammar_named("drive"), exclude=("coulomb@9",))
 
 
+@pytest.mark.long
 def test_decide__required_at_another_mass__is_in_every_structure():
     task = recorded("two_mass+coulomb+viscous", {"coulomb@2": {"M_C@2": 0.25}})
     excluded = ("three_mass", "stribeck", "gravity", "backlash", "current_control", "delay")

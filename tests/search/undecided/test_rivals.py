@@ -170,6 +170,7 @@ def beside_position_dependent_load(**options):
     return structure, decide_structures(task, grammar_named("drive"), exclude=excluded, offered=("pendulum",))
 
 
+@pytest.mark.long
 def test_constant_load_and_spring__position_dependent_load_found_first__are_its_rival():
     structure, found = beside_position_dependent_load()
     assert {structure, "one_mass+viscous+pendulum"} <= set(minimal(found))
