@@ -140,8 +140,15 @@ def test_viscous_friction_on_a_soft_shaft__its_place_shows__is_offered_and_neede
     assert verdicts(found)["viscous@2"] == "needed"
 
 
+LIMIT = "Stribeck friction whose speed runs to its bound is Coulomb friction, and passes for a rival of it"
+
+
 @pytest.mark.parametrize(
-    "structure", ["one_mass+viscous+ground_spring", pytest.param("two_mass+coulomb@2", marks=pytest.mark.long)]
+    "structure",
+    [
+        "one_mass+viscous+ground_spring",
+        pytest.param("two_mass+coulomb@2", marks=[pytest.mark.long, pytest.mark.xfail(strict=True, reason=LIMIT)]),
+    ],
 )
 def test_rivals__an_effect_with_more_parameters_explains_as_well__is_none(structure):
     values = {"J1": 0.016, "f_v": 0.016, "c_g": 0.15}
