@@ -178,11 +178,10 @@ def measured_recordings() -> list[Path]:
 
 
 def test_inspect__measured_recordings__have_the_columns_that_they_are_about() -> None:
-    names = {path: path.relative_to(DATA).as_posix() for path in measured_recordings()}
-    for path, name in names.items():
-        if name in EXPECTED:
-            words = accepted(inspect(path).command)
-            assert (words[2], words[4]) == EXPECTED[name], name
+    paths = {path.relative_to(DATA).as_posix(): path for path in measured_recordings()}
+    for name, expected in EXPECTED.items():
+        words = accepted(inspect(paths[name]).command)
+        assert (words[2], words[4]) == expected, name
 
 
 @pytest.mark.long

@@ -188,6 +188,7 @@ def turning_load(k, kind, noise):
     return make_recording(torque, y, dt=dt, kind=kind), truth
 
 
+# An eccentric load that turns on and on, and cogging.
 @pytest.mark.parametrize("k", [1.0, pytest.param(3.0, marks=pytest.mark.long)])
 def test_fit__load_with_many_periods_over_the_travel__is_recovered(k):
     recording, truth = turning_load(k, "velocity", 0.01)

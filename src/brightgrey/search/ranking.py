@@ -50,9 +50,9 @@ def ranking_of(search: BorderSearch, task: IdentificationTask, evidence: Evidenc
     optional = evidence.optional if evidence else ()
     beyond_doubt = {"steady", "rival"} if evidence and "steady" in evidence.status.values() else set[str]()
     samples = sum(r.y.size for r in search.task.recordings)
+    known = evidence.refined if evidence else {}
     shown, calls = {}, []
     for s, f in fitted.items():
-        known = evidence.refined if evidence else {}
         own = s if s in known else f.equals or s  # the values of redundant effects would spoil the misfit
         refined = known.get(own)
         shown[s] = own, refined

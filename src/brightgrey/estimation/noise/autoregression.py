@@ -83,7 +83,7 @@ class Autoregression:
             driven = np.zeros(max(min(POLICY.lags_at_once, count - first), p))
             driven[:p] = -past
             c[first : first + len(driven)] = lfilter([1.0], a, driven)[: count - first]
-        return np.clip(c[:count], -c[0], c[0])
+        return np.clip(c[:count], -c[0], c[0])  # rounding may pass the bound where a line hardly decays
 
     def _predictors(self) -> list[tuple[Array, float]]:
         """Coefficients of the best predictors of orders 0 to p, and the part of the variance that each order leaves.

@@ -190,7 +190,7 @@ def refine(
     )
 
 
-def refine_from_larger(
+def _refine_from_larger(
     task: IdentificationTask,
     own: Refined,
     larger: Refined,
@@ -370,7 +370,7 @@ class RefinedFits:
             if offer in self._handed or larger.deviance > own.deviance - REFINEMENT.negligible:
                 return None
             self._handed.add(offer)
-            return refine_from_larger, self.task, own, larger, self.whitening, hopeless, self.material_growth
+            return _refine_from_larger, self.task, own, larger, self.whitening, hopeless, self.material_growth
 
         def take(s: Structure, found: Refined | None) -> None:
             cost, known = self._refined[s]
