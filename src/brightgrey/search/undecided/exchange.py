@@ -234,9 +234,19 @@ class Exchange:
 
     def taken(self, found: Sequence[Refined]) -> list[Refined]:
         """Those of some adequate fits that contain no structure which is known to explain as well."""
-        least = {end.structure: end for end in found if not any(contains(end.structure, s) for s in self.minimal)}
+        proper = [end for end in found if not self.is_at_limit(end)]
+        least = {end.structure: end for end in proper if not any(contains(end.structure, s) for s in self.minimal)}
         self.minimal.extend(least)
         return list(least.values())
+
+    def is_at_limit(self, end: Refined) -> bool:
+        """True if a parameter of a further effect, but its size, has run to a bound that the user did not set.
+
+        The effect stands for another one there: Stribeck friction that fades at no speed is Coulomb friction.
+        """
+        beyond = end.structure.beside.intersection(self.effects)
+        shapes = {p.parameter(q.symbol) for p in beyond for q in p.effect.parameters if not q.size}
+        return any(n in shapes and n not in self.detectability.refined.task.bounds for n in end.at_bound)
 
     def reduced(self, own: Refined) -> Refined:
         """A rival without the masses and the effects that it does not need, but beyond the lattice."""
