@@ -307,14 +307,14 @@ def _rivalled(
             known = rivals_among(detectability, search.beyond_lattice(), within)
             return border, certificate, doubts, containing_none(known, [*found, doubts.model])
         others = [p for p in grammar.whole.placed if p not in search.lattice.atoms and not p.effect.masses]
-        beyond = [p for p in others if not is_excluded(p, exclude)]
-        unexplained = search.has_model_error()
+        more = [p for p in others if not is_excluded(p, exclude)]
+        error = search.has_model_error()
         all_rivals = rivals_beyond(
-            detectability, base, beyond, search.seed, with_model_error=unexplained, known=rivals, within=within
+            detectability, base, more, search.seed, border.refuted, with_model_error=error, known=rivals, within=within
         )
         rivals = containing_none(all_rivals, [*found, doubts.model])
         least = min(s.masses for s in base)
-        chosen = rival_to_offer(detectability, found, rivals, len(beyond), least) if offering else None
+        chosen = rival_to_offer(detectability, found, rivals, len(more), least) if offering else None
         if chosen is None or not search.offer_rival(chosen.structure, chosen.values):
             break
         border = search.settled()

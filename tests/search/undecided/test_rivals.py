@@ -8,6 +8,7 @@ import pytest
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER, Placed, Structure, function_set, grammar_named
+from brightgrey.search.border import Refutation
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import decide_structures
 from brightgrey.search.detectability import Detectability
@@ -79,19 +80,23 @@ def test_rivals_beyond__doubtful_effect_left_out__as_good_as_the_structure_witho
         assert [str(r.structure) for r in of_model(within=model)] == ["two_mass+viscous@2"]
 
 
-def rivals_of(found, truth, values, *further, noise=0.001, with_model_error=True):
-    """Rivals of the only structure that has been fitted, with further effects."""
+def rivals_of(found, truth, values, *further, noise=0.001, with_model_error=True, refuted=()):
+    """Rivals with further effects of the only structure that explains, where some are known to explain less."""
     task = simulated_task(truth, values, E.torque(), noise * E.speed, dt=E.dt, f_tanh=200.0)
     own, kit = function_set().parse(found), function_set().whole.placed
-    kept = {"one_mass", *map(str, own.placed)}
+    without = list(map(function_set().parse, refuted))
+    kept = {"one_mass", *(str(p) for s in (own, *without) for p in s.placed)}
     lattice = Lattice.of(function_set(), (), [str(p) for p in kit if str(p) not in kept])
     with ThreadPoolExecutor(1) as workers:
         search = BorderSearch(task, lattice, workers)
         search.fits.add([own], workers)
+        for s in without:
+            search.fits.fit_from(s, values, workers)
         search.refined.begin_round(own)
         detectability = Detectability(search.refined, search.round, workers)
         effects = [Placed(*p) for p in further]
-        rivals = rivals_beyond(detectability, [own], effects, 0, with_model_error=with_model_error)
+        gone = [Refutation(lattice.mask(s), 2.0, 1.0, lattice.mask(s)) for s in without]
+        rivals = rivals_beyond(detectability, [own], effects, 0, gone, with_model_error=with_model_error)
     return [str(r.structure) for r in rivals]
 
 
@@ -117,6 +122,25 @@ def test_rivals_beyond__two_effects_together__take_the_place_of_one_unless_there
     truth, values = "one_mass+viscous+stribeck", {"J1": 0.022, "f_v": 0.01, "M_S": 0.3, "omega_S": 10.0}
     further = ("viscous", 1), ("stribeck", 1)
     found = rivals_of("one_mass+coulomb", truth, values, *further, noise=0.004, with_model_error=with_model_error)
+    assert found == ([] if with_model_error else [truth])
+
+
+@pytest.mark.parametrize("with_model_error", [False, True])
+def test_rivals_beyond__friction_at_mass_2_of_a_refuted_structure__explains_as_well_unless_there_is_model_error(
+    with_model_error,
+):
+    """With one mass, Stribeck friction follows how the shaft winds up. No exchange beside one mass leads to two."""
+    values = {"J1": 0.01, "J2": 0.004, "c1": 750.0, "d1": 0.1, "f_v": 0.03, "M_C@2": 1.0}
+    truth = "two_mass+coulomb@2+viscous"
+    found = rivals_of(
+        "one_mass+coulomb+viscous+stribeck",
+        truth,
+        values,
+        ("coulomb", 2),
+        noise=0.01,
+        with_model_error=with_model_error,
+        refuted=["two_mass+coulomb+viscous"],
+    )
     assert found == ([] if with_model_error else [truth])
 
 

@@ -106,7 +106,9 @@ def further_effects(
     return tuple(found for _, found in scored[: FURTHER.side_by_side])
 
 
-def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed]) -> tuple[FurtherEffect, ...]:
+def moved_effects(
+    task: IdentificationTask, fitted: StructureFit | Refined, more: Sequence[Placed]
+) -> tuple[FurtherEffect, ...]:
     """Dry friction of `more` that a structure has at another mass, each in the place of that one.
 
     The one that is there has taken the part of the other, and no first step leads from one to the other: a mass sticks.
@@ -114,7 +116,7 @@ def moved_effects(task: IdentificationTask, fitted: StructureFit, more: Sequence
     Parameters
     ----------
     task : IdentificationTask
-    fitted : StructureFit
+    fitted : StructureFit or Refined
     more : sequence of Placed
         Effects that it may lack.
     """

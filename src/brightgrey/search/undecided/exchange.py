@@ -31,11 +31,17 @@ from brightgrey.search.further.proposals import (
     is_spring,
     limiting_cases,
     limiting_cases_within,
+    moved_effects,
 )
 from brightgrey.search.lattice import contains, mass_chain_of
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, FURTHER
-from brightgrey.search.undecided.exchange_prediction import WithoutEffect, linearised, without_effect
+from brightgrey.search.undecided.exchange_prediction import (
+    WithoutEffect,
+    linearised,
+    without_effect,
+    without_effects,
+)
 
 __all__ = ["Exchange"]
 
@@ -80,6 +86,20 @@ class Exchange:
             enough = FURTHER.shared_out * (without.deviance - own.deviance)
             if deviance <= self.far(own) or without.deviance - deviance >= enough:
                 found += self.with_all(own, without.structure, effects)
+        return found
+
+    def of_refuted(self, refuted: Sequence[Structure]) -> list[Refined]:
+        """Adequate fits of refuted structures with a further effect, which lack what they can.
+
+        With more masses or other effects than the minimal ones, they may have what is there but at another mass.
+        """
+        refined, found = self.detectability.refined, list[Refined]()
+        for own in refined.of_all(refuted):
+            scored = linearised(refined, own).beside(self.effects, self.seed)
+            near = own.deviance - self.far(own)
+            worth = [f for score, f in scored if score >= near][: FURTHER.exchanged]
+            moved = moved_effects(refined.task, own, self.effects)
+            found += self.rivals(own.values, own.structure, {f.placed: f.start for f in (*worth, *moved)})
         return found
 
     @cached_property
@@ -252,17 +272,35 @@ class Exchange:
         """A rival without the masses and the effects that it does not need, but beyond the lattice."""
         while (joined := self.last_masses_joined(own)) is not None and self.is_adequate(joined):
             own = joined
-        while True:
-            at = linearised(self.detectability.refined, own)
-            without = {p: without_effect(own.structure, p) for p in self.removable(own.structure)}
-            removed = {p: at.without(p) for p, s in without.items() if self.is_beyond_lattice(s)}
-            cases = limiting_cases_within(own.structure.placed)
-            smaller = [w.structure for p, w in removed.items() if p.name in cases or w.deviance <= self.far(own)]
-            ends = self.ends([(s, own.values) for s in smaller])
-            best = min(ends, key=lambda end: end.deviance, default=own)
-            if best is own or not self.is_adequate(best):
-                return own
-            own = best
+        while (smaller := self.without_needless(own)) is not own:
+            own = smaller
+        return own
+
+    def without_needless(self, own: Refined) -> Refined:
+        """An adequate fit without some effects of a rival, but beyond the lattice; itself if it needs them all.
+
+        Those that promise to be needless are left out together, then the half of them that promises most, and so on;
+        at last each alone.
+        """
+        at, needless, cases = linearised(self.detectability.refined, own), list[tuple[float, Placed]](), set[Placed]()
+        of_others = limiting_cases_within(own.structure.placed)
+        for p in self.removable(own.structure):
+            if self.is_beyond_lattice(without_effect(own.structure, p)):
+                predicted = at.without(p).deviance
+                if predicted <= self.far(own):
+                    needless.append((predicted, p))
+                elif p.name in of_others:
+                    cases.add(p)
+        order = [p for _, p in sorted(needless, key=lambda pair: pair[0])]
+        several = len(order)
+        while several > 1:
+            structure = without_effects(own.structure, order[:several])
+            if self.is_beyond_lattice(structure) and self.is_adequate(end := self.ends([(structure, own.values)])[0]):
+                return end
+            several //= 2
+        ends = self.ends([(without_effect(own.structure, p), own.values) for p in (*order, *cases)])
+        best = min(ends, key=lambda end: end.deviance, default=own)
+        return best if self.is_adequate(best) else own
 
     def last_masses_joined(self, own: Refined) -> Refined | None:
         """Fit with the last two masses as one, which has the effects of both.

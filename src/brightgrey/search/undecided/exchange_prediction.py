@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -18,6 +19,7 @@ __all__ = [
     "WithoutEffect",
     "linearised",
     "without_effect",
+    "without_effects",
 ]
 
 
@@ -93,6 +95,11 @@ class WithoutEffect:
     def beyond(self, change: EffectChanges) -> EffectChanges:
         """Changes by another effect beyond what the parameters explain."""
         return replace(change, changes=beyond(self.basis, change.changes))
+
+
+def without_effects(structure: Structure, gone: Iterable[Placed]) -> Structure:
+    """The structure without some effects, and without what requires them."""
+    return reduce(without_effect, gone, structure)
 
 
 def without_effect(structure: Structure, gone: Placed) -> Structure:

@@ -11,11 +11,12 @@ from math import comb
 
 from brightgrey.arrays import positive
 from brightgrey.kit import Placed, Structure
+from brightgrey.search.border import Refutation
 from brightgrey.search.criteria import bic
 from brightgrey.search.detectability import Detectability
 from brightgrey.search.fitting.refined_fit import Refined
 from brightgrey.search.lattice import contains
-from brightgrey.search.policy import FURTHER
+from brightgrey.search.policy import BORDER, FURTHER
 from brightgrey.search.undecided.exchange import Exchange
 
 __all__ = ["containing_none", "rival_to_offer", "rivals_among", "rivals_beyond"]
@@ -26,6 +27,7 @@ def rivals_beyond(
     found: Sequence[Structure],
     effects: Sequence[Placed],
     seed: int,
+    refuted: Sequence[Refutation] = (),
     *,
     with_model_error: bool,
     known: Sequence[Refined] = (),
@@ -43,6 +45,8 @@ def rivals_beyond(
         Those that the lattice lacks, which may take the place of others.
     seed : int
         Of the starts of their parameters.
+    refuted : sequence of Refutation, optional
+        Those that only just fail to explain are tried with a further effect.
     with_model_error : bool
         The residual holds more than noise: what takes the place of the last mass or a gap was tried before more masses
         were gone into, and several effects together follow anything.
@@ -53,6 +57,8 @@ def rivals_beyond(
     """
     exchange = Exchange(detectability, tuple(effects), seed, list(found), within)
     rivals = exchange.still_rivals(known)
+    lattice = detectability.circumstances.lattice
+    near = [lattice.structure(r.mask) for r in refuted if r.excess <= BORDER.sure * r.threshold]
     most = FURTHER.most_rivals + len(rivals)
     queue = [*(detectability.refined.of(s) for s in found), *rivals]
     thorough = not with_model_error
@@ -60,7 +66,7 @@ def rivals_beyond(
         own = queue.pop(0)
         more = exchange.of(own)
         if thorough:
-            more += exchange.of_several(own) + exchange.of_hard(own)
+            more += exchange.of_several(own) + exchange.of_hard(own) + exchange.of_refuted(near)
         thorough = False  # beside the best one only
         rivals += more
         queue += more
