@@ -89,17 +89,23 @@ class Exchange:
         return found
 
     def of_refuted(self, refuted: Sequence[Structure]) -> list[Refined]:
-        """Adequate fits of refuted structures with a further effect, which lack what they can.
+        """Adequate fits of what is within refuted structures with a further effect, which lack what they can.
 
-        With more masses or other effects than the minimal ones, they may have what is there but at another mass.
+        The best fit within each of them may have one mass more than the minimal structures. So it may have what is
+        there but at another mass.
         """
-        refined, found = self.detectability.refined, list[Refined]()
-        for own in refined.of_all(refuted):
-            scored = linearised(refined, own).beside(self.effects, self.seed)
-            near = own.deviance - self.far(own)
-            worth = [f for score, f in scored if score >= near][: FURTHER.exchanged]
-            moved = moved_effects(refined.task, own, self.effects)
-            found += self.rivals(own.values, own.structure, {f.placed: f.start for f in (*worth, *moved)})
+        d, found = self.detectability, list[Refined]()
+        most = min((s.masses for s in self.minimal), default=1) + 1
+        table = d.refined.all(d.circumstances.threshold_of_one_test)
+        for whole in refuted:
+            within = [r for s, r in table.items() if s.masses <= most and contains(whole, s)]
+            if within:
+                own = d.refined.of(min(within, key=lambda r: (r.deviance, r.free)).structure)
+                scored = linearised(d.refined, own).beside(self.effects, self.seed)
+                near = own.deviance - self.far(own)
+                worth = [f for score, f in scored if score >= near][: FURTHER.exchanged]
+                moved = moved_effects(d.refined.task, own, self.effects)
+                found += self.rivals(own.values, own.structure, {f.placed: f.start for f in (*worth, *moved)})
         return found
 
     @cached_property
