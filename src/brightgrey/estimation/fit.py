@@ -211,9 +211,7 @@ def fit(
     elif one_of("estimator", estimator, ESTIMATORS) == "pattern-search":
         descent = _by_pattern_search(problem, space, settings, final, given, starts, seed)
     else:
-        descent = _by_multistart(
-            problem, known, space, settings, final, given, starts=starts, patience=patience, seed=seed, options=options
-        )
+        descent = _by_multistart(problem, known, space, settings, final, given, starts, patience, seed, options)
     best, equivalent = resolve_lag_pole_exchange(problem, space, final, descent.best)
     reversal, space, best = estimated_width(problem, space, final, best)
     final = final if reversal is None or not reversal.value else replace(final, f_tanh=1.0 / reversal.value)
@@ -296,7 +294,6 @@ def _by_multistart(
     settings: Settings,
     final: Settings,
     given: Sequence[Mapping[str, float]],
-    *,
     starts: int,
     patience: int,
     seed: int,
