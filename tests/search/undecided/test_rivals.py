@@ -126,11 +126,11 @@ def test_rivals_beyond__two_effects_together__take_the_place_of_one_unless_there
 
 
 @pytest.mark.parametrize("with_model_error", [False, True])
-def test_rivals_beyond__friction_at_mass_2_of_a_refuted_structure__explains_as_well_unless_there_is_model_error(
+def test_rivals_beyond__friction_at_mass_2_of_a_refuted_structure__explains_better_unless_there_is_model_error(
     with_model_error,
 ):
     """With one mass, Stribeck friction follows how the shaft winds up. No exchange beside one mass leads to two."""
-    values = {"J1": 0.01, "J2": 0.004, "c1": 750.0, "d1": 0.1, "f_v": 0.03, "M_C@2": 1.0}
+    values = {"J1": 0.01, "J2": 0.004, "c1": 400.0, "d1": 0.1, "f_v": 0.03, "M_C@2": 1.0}
     truth = "two_mass+coulomb@2+viscous"
     found = rivals_of(
         "one_mass+coulomb+viscous+stribeck",
@@ -142,6 +142,12 @@ def test_rivals_beyond__friction_at_mass_2_of_a_refuted_structure__explains_as_w
         refuted=["two_mass+coulomb+viscous"],
     )
     assert found == ([] if with_model_error else [truth])
+
+
+def test_rivals_beyond__refuted_structure_with_an_effect_at_its_second_mass__explains_no_better_than_one_mass_is_none():
+    values = {"J1": 0.01, "J2": 0.004, "c1": 1500.0, "d1": 0.2, "M_C": 1.0, "f_v": 0.0005}
+    options = {"noise": 0.01, "with_model_error": False, "refuted": ["two_mass+coulomb"]}
+    assert rivals_of("one_mass+coulomb+viscous", "two_mass+coulomb+viscous", values, ("viscous", 2), **options) == []
 
 
 def test_certificate__effect_with_a_rival__says_among_what_the_residual_grows(at_second_mass):

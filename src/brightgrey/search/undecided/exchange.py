@@ -43,7 +43,7 @@ from brightgrey.search.undecided.exchange_prediction import (
     without_effects,
 )
 
-__all__ = ["Exchange"]
+__all__ = ["Exchange", "refutes"]
 
 
 @dataclass(frozen=True)
@@ -88,11 +88,11 @@ class Exchange:
                 found += self.with_all(own, without.structure, effects)
         return found
 
-    def of_refuted(self, refuted: Sequence[Structure]) -> list[Refined]:
+    def of_refuted(self, best: Refined, refuted: Sequence[Structure]) -> list[Refined]:
         """Adequate fits of what is within refuted structures with a further effect, which lack what they can.
 
         The best fit within each of them may have one mass more than the minimal structures. So it may have what is
-        there but at another mass.
+        there but at another mass. What explains no more than the `best` one but by chance is a richer way to say so.
         """
         d, found = self.detectability, list[Refined]()
         most = min((s.masses for s in self.minimal), default=1) + 1
@@ -105,7 +105,8 @@ class Exchange:
                 near = own.deviance - self.far(own)
                 worth = [f for score, f in scored if score >= near][: FURTHER.exchanged]
                 moved = moved_effects(d.refined.task, own, self.effects)
-                found += self.rivals(own.values, own.structure, {f.placed: f.start for f in (*worth, *moved)})
+                ends = self.with_each(own.values, own.structure, {f.placed: f.start for f in (*worth, *moved)})
+                found += self.reached([end for end in ends if refutes(d, end, best, len(self.effects))])
         return found
 
     @cached_property
@@ -250,9 +251,15 @@ class Exchange:
         self, values: Mapping[str, float], bare: Structure, starts: Mapping[Placed, Mapping[str, float]]
     ) -> list[Refined]:
         """Adequate fits of `bare` with each of some effects, from some values."""
+        return self.reached(self.with_each(values, bare, starts))
+
+    def with_each(
+        self, values: Mapping[str, float], bare: Structure, starts: Mapping[Placed, Mapping[str, float]]
+    ) -> list[Refined]:
+        """Fits of `bare` with each of some effects, but those that contain what explains as well."""
         larger = {p: Structure((*bare.placed, *added_with(p, bare))) for p in starts}
         new = {p: s for p, s in larger.items() if self.is_new(s)}
-        return self.reached(self.ends([(s, {**values, **starts[p]}) for p, s in new.items()]))
+        return self.ends([(s, {**values, **starts[p]}) for p, s in new.items()])
 
     def reached(self, ends: Sequence[Refined]) -> list[Refined]:
         """Rivals that the adequate ones of some fits lead to."""
@@ -374,6 +381,13 @@ class Exchange:
     def far(self, own: Refined) -> float:
         """Predicted deviance above which an exchange is not worth a fit."""
         return self.limit(own) + BORDER.far * self.detectability.circumstances.chance(1)
+
+
+def refutes(detectability: Detectability, rival: Refined, own: Refined, choices: int) -> bool:
+    """True if a rival explains more than chance gives it, where it is the best one of some choices of effects."""
+    more = max(rival.structure.masses - own.structure.masses, 0)
+    enough = detectability.threshold(own.structure, rival.free - own.free, more, among=choices)
+    return rival.deviance < own.deviance - enough
 
 
 def _parameter_count(placed: Iterable[Placed]) -> int:

@@ -17,7 +17,7 @@ from brightgrey.search.detectability import Detectability
 from brightgrey.search.fitting.refined_fit import Refined
 from brightgrey.search.lattice import contains
 from brightgrey.search.policy import BORDER, FURTHER
-from brightgrey.search.undecided.exchange import Exchange
+from brightgrey.search.undecided.exchange import Exchange, refutes
 
 __all__ = ["containing_none", "rival_to_offer", "rivals_among", "rivals_beyond"]
 
@@ -66,7 +66,7 @@ def rivals_beyond(
         own = queue.pop(0)
         more = exchange.of(own)
         if thorough:
-            more += exchange.of_several(own) + exchange.of_hard(own) + exchange.of_refuted(near)
+            more += exchange.of_several(own) + exchange.of_hard(own) + exchange.of_refuted(own, near)
         thorough = False  # beside the best one only
         rivals += more
         queue += more
@@ -118,14 +118,8 @@ def rival_to_offer(
     """
     own = min(detectability.refined.of_all(found), key=lambda r: r.deviance)
     atoms = detectability.circumstances.lattice.atoms
-
-    def refutes(rival: Refined) -> bool:
-        more, beyond = max(rival.structure.masses - own.structure.masses, 0), rival.structure.beside.difference(atoms)
-        choices = comb(among, len(beyond))
-        enough = detectability.threshold(own.structure, rival.free - own.free, more, among=choices)
-        return rival.deviance < own.deviance - enough
-
-    refuting = [r for r in rivals if refutes(r)]
+    beyond = {r.structure: r.structure.beside.difference(atoms) for r in rivals}
+    refuting = [r for r in rivals if refutes(detectability, r, own, comb(among, len(beyond[r.structure])))]
     if refuting:
         return min(refuting, key=lambda r: r.deviance)
     fewer = [r for r in rivals if r.structure.masses < masses]
