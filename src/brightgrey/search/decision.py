@@ -214,7 +214,7 @@ def evidence_of(
     if _sought_anew(search, first, found):
         return evidence_of(search, search.settled(), grammar, exclude, ask=ask)
     held_back = verdicts_on_masses(grammar, exclude, cards)
-    held_back += first_order_verdicts(detectability, found, search.more, cards, instead)
+    held_back += first_order_verdicts(detectability, found, search.more, cards, instead, search.seed)
     undecided = [c.effect for c in cards if c.verdict == "not decidable"]
     cards = tuple(with_model(card, found[0], first) for card in cards)
     asked = [first, *(s for s in (*found, *instead) if not contains(first, s))]

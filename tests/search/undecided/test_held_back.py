@@ -1,11 +1,17 @@
 """Effects that a search has not offered: a verdict on each at first order."""
 
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
 import pytest
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.kit import grammar_named
+from brightgrey.kit import Placed, function_set, grammar_named
+from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import decide_structures
-from brightgrey.search.undecided.held_back import verdicts_on_masses
+from brightgrey.search.detectability import Detectability
+from brightgrey.search.lattice import Lattice
+from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.verdicts import EffectVerdict, Reason
 from support.searches import simulated_task
 
@@ -59,6 +65,27 @@ def test_first_order__requires_what_no_structure_has__verdict_of_that():
     said = {card.effect: card.verdict for card in (*found.evidence.cards, *found.evidence.held_back)}
     assert "viscous" not in found.evidence.minimal[0].structure.names
     assert said["directional_viscous"] == said["viscous"]
+
+
+def test_first_order__hardening_shaft_fits_as_well_with_other_masses__is_not_decidable():
+    """A linear shaft explains this chirp with half the inertia. The derivatives there say nothing of the truth."""
+    t, rate = E.dt * np.arange(E.samples), np.log(100.0) / (E.samples * E.dt)
+    torque = 8.0 * np.minimum(1.0, t / 0.02) * np.sin(2.0 * np.pi * np.expm1(rate * t) / rate)  # 1 to 100 Hz
+    truth = {"J1": 0.00605, "J2": 0.0141, "c1": 16.67, "d1": 0.006335, "f_v@2": 0.04677, "c_cubic": 210.3}
+    task = simulated_task("two_mass+viscous@2+cubic_spring", truth, torque, 0.001 * E.speed, dt=E.dt, f_tanh=200.0)
+    kit = function_set()
+    own = kit.parse("two_mass+viscous@2")
+    found = {"J1": 0.00306, "J2": 0.01774, "c1": 84.23, "d1": 0.02111, "f_v@2": 0.04699}
+    kept = {"one_mass", *map(str, own.placed)}
+    lattice = Lattice.of(kit, (), [str(p) for p in kit.whole.placed if str(p) not in kept])
+    with ThreadPoolExecutor(1) as workers:
+        search = BorderSearch(task, lattice, workers)
+        search.fits.fit_from(own, found, workers)
+        search.refined.begin_round(own)
+        detectability = Detectability(search.refined, search.round, workers)
+        (card,) = first_order_verdicts(detectability, [own], [Placed("cubic_spring")], [])
+    assert card.verdict == "not decidable"
+    assert "A fit with it is no worse" in card.reason
 
 
 @pytest.mark.parametrize("verdict", ["not needed", "not decidable"])
