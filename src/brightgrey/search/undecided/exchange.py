@@ -295,7 +295,7 @@ class Exchange:
         Those that promise to be needless are left out together, then the half of them that promises most, and so on;
         at last each alone.
         """
-        at, needless, cases = linearised(self.detectability.refined, own), list[tuple[float, Placed]](), set[Placed]()
+        at, needless, cases = linearised(self.detectability.refined, own), list[tuple[float, Placed]](), list[Placed]()
         of_others = limiting_cases_within(own.structure.placed)
         for p in self.removable(own.structure):
             if self.is_beyond_lattice(without_effect(own.structure, p)):
@@ -303,7 +303,7 @@ class Exchange:
                 if predicted <= self.far(own):
                     needless.append((predicted, p))
                 elif p.name in of_others:
-                    cases.add(p)
+                    cases.append(p)
         order = [p for _, p in sorted(needless, key=lambda pair: pair[0])]
         several = len(order)
         while several > 1:

@@ -155,7 +155,7 @@ def _as(effect: str, card: EffectVerdict) -> EffectVerdict:
     )
 
 
-#: Of a spring beside a structure: with one batch of them, a hardening shaft was found in 3 of 12 cases, so in 12.
+#: Of a spring beside a structure. With one batch a hardening shaft was found in 3 of 12 cases, with more in all.
 _SPRING_STARTS = Options(fresh=2, patience=BORDER.patience)
 
 
