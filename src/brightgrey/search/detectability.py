@@ -147,7 +147,7 @@ class Detectability:
             rival = self.refined.fits.done[structure].cost
             call = (self.refined.fits.task, task, big, values, moved, held, rival)
             refits.append(self.executor.submit(fit_at_fixed_size, *call, self.refined.whitening))
-        worst = self._no_worse_than(structure)
+        worst = self.no_worse_than(structure)
         return lambda: all(refit.result().deviance > worst for refit in refits)
 
     def relevant_sizes(self, structure: Structure, effect: str) -> list[dict[str, float]]:
@@ -202,7 +202,7 @@ class Detectability:
             return False
         ((name, value),) = sizes[0].items()
         free = self.refined.of(big)
-        return abs(free.values[name]) >= abs(value) and free.deviance <= self._no_worse_than(structure)
+        return abs(free.values[name]) >= abs(value) and free.deviance <= self.no_worse_than(structure)
 
     def runs_away(self, structures: Sequence[Structure], effect: str) -> bool:
         """Return True if the last mass or a gap of a structure runs to a bound, or may.
@@ -218,7 +218,7 @@ class Detectability:
         whitening = self.refined.whitening
         calls = [(task, s, self.refined.of(s).values, whitening, np.inf) for s, task in heaviest.items()]
         ends = in_order(self.executor, refine, calls)
-        return any(end.deviance <= self._no_worse_than(end.structure) for end in ends)
+        return any(end.deviance <= self.no_worse_than(end.structure) for end in ends)
 
     def _with_largest_load(self, structure: Structure) -> IdentificationTask | None:
         """The task with the last inertia at its largest; None if the user says how large that is."""
@@ -229,7 +229,7 @@ class Detectability:
             return None
         return replace(task, fixed={**task.fixed, load: float(space.high[space.names.index(load)])})
 
-    def _no_worse_than(self, structure: Structure) -> float:
+    def no_worse_than(self, structure: Structure) -> float:
         """Deviance up to which a fit is no worse than that of `structure`."""
         return self.refined.of(structure).deviance + self.circumstances.by_chance()
 

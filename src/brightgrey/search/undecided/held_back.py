@@ -1,8 +1,8 @@
 """Effects that a search has not offered: a verdict on each at first order, beside the minimal structures.
 
-They were not fitted. At the least size that matters an effect changes the motion. The part of it that neither the
-parameters of the structure nor another effect can make says whether the recording would have shown it. What that part
-shares with the residual says whether it is there (Rao 1948, doi:10.1017/S0305004100023987).
+At the least size that matters an effect changes the motion. The part of it that neither the parameters of the structure
+nor another effect can make says whether the recording would have shown it. What that part shares with the residual says
+whether it is there (Rao 1948, doi:10.1017/S0305004100023987). Only springs are fitted.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def _fitting_elsewhere(
     for (own, placed, larger), fitted in zip(tried, in_order(detectability.executor, fit_below, calls), strict=True):
         if placed not in found and fitted.cost <= enough[own] < np.inf:
             end = refine(refined.task, larger, fitted.values, refined.whitening, np.inf)
-            no_worse = end.deviance <= refined.of(own).deviance + detectability.circumstances.by_chance()
+            no_worse = end.deviance <= detectability.no_worse_than(own)
             sizes = relevant_sizes(refined.task, refined.of(own).values, str(placed))
             if no_worse and any(all(abs(end.values[n]) >= abs(v) for n, v in size.items()) for size in sizes):
                 found.append(placed)
